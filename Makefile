@@ -1,0 +1,74 @@
+# The thin front: every target installs what it needs (only where it is missing) and hands over to CMake.
+# To add a target: depend on `setup` (or on `build`, which does), keep it a few lines, name it under `help`.
+
+.DEFAULT_GOAL := build
+.PHONY: help setup build demo test check-long bench format lint fuzz docs sanitize install clean
+
+JOBS ?= $(shell nproc)
+FUZZ_SECONDS ?= 60
+PREFIX ?= /usr/local
+
+help:
+	@echo 'make build       the program, at build/bin/sherlog (default)'
+	@echo 'make demo        the shipped models on their evidence'
+	@echo 'make test        all tests'
+	@echo 'make check-long  the property tests on 2,000 random models'
+	@echo 'make sanitize    a bounded part of the tests under address and undefined-behaviour sanitizers'
+	@echo 'make bench       benchmarks'
+	@echo 'make fuzz        fuzzes the parsers for FUZZ_SECONDS (60) each'
+	@echo 'make format      clang-format over all sources'
+	@echo 'make lint        clang-format --dry-run and clang-tidy'
+	@echo 'make docs        docs/commands.md from --help, and a check of all links in the documents'
+	@echo 'make install     to PREFIX (/usr/local)'
+
+setup:
+	@scripts/setup.sh build
+
+# Configuring once is enough: the build runs CMake again where a list or a folder changed.
+build/build.ninja: | setup
+	cmake --preset release
+
+build: setup build/build.ninja
+	cmake --build --preset release -j $(JOBS) --target sherlog_cli
+
+demo: build
+	@scripts/demo.sh build/bin/sherlog
+
+test: build
+	cmake --build --preset release -j $(JOBS)
+	ctest --preset release -j $(JOBS)
+
+check-long: build
+	cmake --build --preset release -j $(JOBS)
+	SHERLOG_RANDOM_MODELS=2000 ctest --preset release -j $(JOBS) -L property
+
+sanitize: setup
+	cmake --preset sanitize
+	cmake --build --preset sanitize -j $(JOBS)
+	SHERLOG_RANDOM_MODELS=20 ctest --preset sanitize -j $(JOBS)
+
+bench: setup
+	cmake --preset bench
+	cmake --build --preset bench -j $(JOBS)
+	@for program in build/bench-build/bench/*; do [ -x "$$program" ] && [ -f "$$program" ] || continue; "$$program" || exit 1; done
+
+format:
+	@scripts/setup.sh format
+	@scripts/sources.sh | xargs clang-format -i
+
+lint:
+	@scripts/setup.sh lint
+	@scripts/lint.sh $(JOBS)
+
+fuzz: setup
+	@scripts/fuzz.sh $(FUZZ_SECONDS) $(JOBS)
+
+docs: build
+	@scripts/docs.sh build/bin/sherlog
+
+install: build
+	cmake --build --preset release -j $(JOBS)
+	cmake --install build --prefix $(PREFIX)
+
+clean:
+	rm -rf build

@@ -1,0 +1,19 @@
+// The commands. To add one: a file with a function `add_<command>`, its line here and its line in main.cpp.
+#pragma once
+
+#include <functional>
+
+#include <CLI/CLI.hpp>
+
+namespace sherlog::cli {
+
+// What the chosen command does once all options are known; returns the exit code.
+using Action = std::function<int()>;
+
+void add_check(CLI::App& app, Action& action);
+void add_ground(CLI::App& app, Action& action);
+void add_infer(CLI::App& app, Action& action);
+void add_explain(CLI::App& app, Action& action);
+void add_convert(CLI::App& app, Action& action);
+
+}  // namespace sherlog::cli

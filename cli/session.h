@@ -1,0 +1,100 @@
+// What all commands share: their common options, reading the inputs, messages, limits and where the results go.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "cli/exit_code.h"
+#include "cli/terminal.h"
+#include "grounding/ground.h"
+#include "inference/inference.h"
+#include "mln/diagnostics.h"
+#include "mln/evidence.h"
+#include "mln/model.h"
+#include "mln/query.h"
+
+namespace sherlog::cli {
+
+// Filled by the command line. A command adds only the groups of options that it heeds.
+struct Options {
+  std::vector<std::string> models, evidence, queries;
+  std::string json;
+  bool quiet = false;
+  std::uint64_t seed = 1;
+  std::uint32_t threads = 0;
+  double max_seconds = std::numeric_limits<double>::infinity();
+  std::string max_memory_text;
+  bool ignore_unknown_predicates = false;
+  std::vector<std::string> open_world;  // "*": all
+  std::string soft_evidence = "virtual";
+  std::string method = "auto";
+  std::uint32_t samples = InferenceOptions{}.samples;
+  std::uint32_t chains = InferenceOptions{}.chains;
+  std::uint32_t burn_in = InferenceOptions{}.burn_in;
+};
+
+void add_common_options(CLI::App& command, Options& options);     // --json --seed --threads --quiet --max-...
+void add_model_options(CLI::App& command, Options& options);      // -m
+void add_evidence_options(CLI::App& command, Options& options);   // -e --ignore-unknown-predicates
+void add_query_options(CLI::App& command, Options& options);      // -q
+void add_world_options(CLI::App& command, Options& options);      // --open-world --soft-evidence
+void add_inference_options(CLI::App& command, Options& options);  // --method --samples --chains --burn-in
+
+// "500M", "2G", "4GiB", "1000000" in bytes: K, M, G, T (also KB, ...) are powers of 1000, KiB, ... of 1024.
+std::optional<std::size_t> parse_size(std::string_view text);
+
+// One run of one command.
+class Session {
+ public:
+  explicit Session(Options options);
+
+  const Options& options() const { return options_; }
+  TerminalMonitor& monitor() { return monitor_; }
+  Diagnostics& diagnostics() { return diagnostics_; }
+  std::size_t max_memory() const { return max_memory_; }
+  double seconds() const;
+  double seconds_left() const;
+
+  // False where an option makes no sense; says so. `outputs`: files that will be written.
+  bool check_options(const std::vector<std::string>& outputs = {});
+  // The inputs, or nothing after printing what is wrong.
+  std::optional<Model> read_model();
+  std::optional<std::vector<Evidence>> read_evidence(const Model& model);
+  std::optional<Query> read_query(const Model& model, const Evidence& evidence);
+  std::optional<GroundingOptions> grounding_options(const Model& model);
+  InferenceOptions inference_options() const;
+
+  // Prints the messages that were not printed so far; warnings only without --quiet.
+  void print_diagnostics();
+  void error(std::string_view text);
+  void warning(std::string_view text);  // not with --quiet
+  // Rendered diagnostics of another kind, such as conflicts.
+  void print_message(std::string_view text);
+
+  // Text results go to standard output unless --json - takes it; the document goes where --json says. Returns `code`, or
+  // kInternalError where nothing could be written.
+  bool wants_json() const { return !options_.json.empty(); }
+  bool wants_text() const { return options_.json != "-"; }
+  int finish(int code, const std::string& text, const std::function<std::string()>& json);
+
+ private:
+  Options options_;
+  Diagnostics diagnostics_;
+  TerminalMonitor monitor_;
+  bool colour_;
+  std::size_t max_memory_ = std::numeric_limits<std::size_t>::max();
+  std::size_t printed_ = 0;  // diagnostics
+  std::vector<std::string> printed_texts_;
+  bool counted_rest_ = false;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace sherlog::cli

@@ -1,0 +1,32 @@
+// Which sets of variables the samplers draw jointly.
+//
+// Idea      A component narrow enough is one block. Otherwise blocks of bounded cost grow around seeds: next comes the
+//           variable that shares most with the block, as long as the elimination stays cheap. Every variable seeds or joins a
+//           block, and a second cover with other seeds makes blocks overlap, so that no border stays in one place. At-most-one
+//           groups and long ORs give blocks of their own: a row of a matching moves as one, with what hangs on it.
+// Cost      A few builds of each block; the number of blocks is linear in the number of variables.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "inference/joint_block.h"
+
+namespace sherlog {
+
+struct BlockCoverOptions {
+  double whole_cost = 1 << 20;   // table entries up to which a component is one block
+  double block_cost = 1 << 12;   // likewise for a part of a component
+  std::uint32_t block_variables = 96;
+  std::uint32_t covers = 2;
+};
+
+struct BlockCover {
+  std::vector<JointBlock> blocks;
+  bool whole = false;  // one block, the whole component
+};
+
+BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> variables, std::uint64_t seed,
+                           const BlockCoverOptions& options = {});
+
+}  // namespace sherlog

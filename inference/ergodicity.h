@@ -1,0 +1,18 @@
+// Whether changing one variable at a time can reach every possible world.
+//
+// Idea      Hard formulas join variables into groups; inside a group the possible worlds are the nodes of a graph whose
+//           edges change one variable. Sampling by single changes is right only where that graph is connected.
+//             always      every variable of the group has a value that satisfies each of its formulas' literals on it: all
+//                         worlds lead, one variable at a time, to the world made of these values
+//             by search   a group with few joint values is enumerated and its graph walked
+//           Groups that neither settles are taken as not connected.
+// Cost      linear, plus O(kLargestSearch x variables) for a group that is searched.
+#pragma once
+
+#include "grounding/network.h"
+
+namespace sherlog {
+
+bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component);
+
+}  // namespace sherlog

@@ -1,0 +1,314 @@
+#include "inference/exact.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <condition_variable>
+#include <limits>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "inference/conflict.h"
+#include "inference/elimination.h"
+#include "inference/elimination_order.h"
+#include "inference/factor_graph.h"
+
+namespace sherlog {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// A component compiled and ordered, but not yet computed.
+struct Prepared {
+  FactorGraph graph;
+  EliminationOrder order;
+  double bytes = 0.0;  // of tables, messages and scratch
+};
+
+Prepared prepare(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
+                 std::span<const double> atom_bias, bool with_queries) {
+  Prepared out;
+  out.graph = compile_factor_graph(network, component, {atom_bias, with_queries, options.max_memory});
+  if (!out.graph.possible || out.graph.too_large) return out;
+  out.order = find_elimination_order(out.graph.cardinalities, out.graph.scopes, {.max_table_log2 = options.max_table_log2});
+  // Tables twice (logarithms and plain numbers), the largest joined table twice (with its separator), and the messages, which
+  // are at most half of all joined tables.
+  out.bytes = 2.0 * static_cast<double>(out.graph.table_bytes) +
+              sizeof(double) * (2.0 * std::exp2(out.order.largest_log2) + 0.5 * std::exp2(out.order.total_log2));
+  return out;
+}
+
+bool narrow_enough(const Prepared& prepared, const InferenceOptions& options) {
+  return prepared.order.complete && prepared.order.largest_log2 <= options.max_table_log2 &&
+         prepared.order.largest_log2 < BucketTree::kMaxJoinedLog2;
+}
+
+// "1,234,567"
+std::string grouped(std::size_t count) {
+  std::string digits = std::to_string(count);
+  for (std::size_t i = digits.size(); i > 3;) {
+    i -= 3;
+    digits.insert(i, ",");
+  }
+  return digits;
+}
+
+std::string describe(const GroundNetwork& network, ComponentId component) {
+  return fmt::format("component {} ({} variables)", component.value + 1, grouped(network.component_variables(component).size()));
+}
+
+struct Answer {
+  bool started = false;
+  Termination termination = Termination::kCompleted;
+  std::string message;
+  double log_partition = 0.0;               // or the best score
+  std::vector<double> probabilities;        // by component query
+  std::vector<std::uint32_t> values;        // by component variable
+  std::vector<std::uint32_t> conflict;
+};
+
+// Lets threads in only while their tables fit into the memory limit together.
+class MemoryGate {
+ public:
+  explicit MemoryGate(double limit) : limit_(limit) {}
+  void enter(double bytes) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return inside_ == 0 || used_ + bytes <= limit_; });
+    used_ += bytes;
+    ++inside_;
+  }
+  void leave(double bytes) {
+    {
+      const std::lock_guard lock(mutex_);
+      used_ = --inside_ == 0 ? 0.0 : used_ - bytes;
+    }
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  double limit_, used_ = 0.0;
+  int inside_ = 0;
+};
+
+class ExactRun {
+ public:
+  ExactRun(const MethodContext& context, bool for_map)
+      : context_(context), for_map_(for_map), answers_(context.components.size()),
+        gate_(static_cast<double>(context.options.max_memory)) {}
+
+  MethodResult run() {
+    answer_all();
+    return collect();
+  }
+
+ private:
+  void answer_all() {
+    std::size_t threads = context_.options.threads;
+    if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
+    threads = std::min(threads, context_.components.size());
+    std::atomic<std::size_t> next{0};
+    const auto work = [&] {
+      for (std::size_t i = next++; i < context_.components.size(); i = next++) {
+        if (context_.stop.reached()) return;
+        answers_[i] = answer(context_.components[i]);
+        const auto done = static_cast<double>(++done_);
+        context_.stop.monitor().progress("exact", done, static_cast<double>(context_.components.size()));
+      }
+    };
+    std::vector<std::jthread> helpers;
+    for (std::size_t t = 1; t < threads; ++t) helpers.emplace_back(work);
+    work();
+  }
+
+  Answer answer(ComponentId component) {
+    Answer out;
+    out.started = true;
+    const Prepared prepared =
+        prepare(context_.network, component, context_.options, context_.atom_bias, !for_map_);
+    if (!prepared.graph.possible) {
+      return impossible(prepared.graph.conflict);
+    }
+    if (refuse(component, prepared, out)) return out;
+    gate_.enter(prepared.bytes);
+    if (for_map_) {
+      maximise(prepared, component, out);
+    } else {
+      sum(prepared, out);
+    }
+    gate_.leave(prepared.bytes);
+    if (out.termination == Termination::kCompleted && out.log_partition == -kInfinity) {
+      const auto constraints = context_.network.component_constraints(component);
+      return impossible({constraints.begin(), constraints.end()});
+    }
+    return out;
+  }
+
+  Answer impossible(const std::vector<std::uint32_t>& contradictory) const {
+    Answer out;
+    out.started = true;
+    out.termination = Termination::kNoPossibleWorld;
+    out.message = "no world meets all hard formulas";
+    out.conflict = small_conflict(context_.network, contradictory, context_.stop);
+    return out;
+  }
+
+  bool refuse(ComponentId component, const Prepared& prepared, Answer& out) const {
+    const InferenceOptions& options = context_.options;
+    const bool tables_too_large = prepared.graph.too_large;
+    if (!tables_too_large && !narrow_enough(prepared, options)) {
+      out.termination = Termination::kTooWide;
+      out.message = fmt::format(
+          "{} is too wide for exact: its largest table would have {}2^{:.0f} entries (limit 2^{:g}); use --method {}",
+          describe(context_.network, component), prepared.order.complete ? "" : "at least ",
+          std::ceil(prepared.order.largest_log2 - 1e-9), options.max_table_log2, for_map_ ? "map" : "mcsat");
+      return true;
+    }
+    if (tables_too_large || prepared.bytes > static_cast<double>(options.max_memory)) {
+      const double bytes = std::max(prepared.bytes, static_cast<double>(prepared.graph.table_bytes));
+      out.termination = Termination::kMemoryLimit;
+      out.message = fmt::format("{} needs {}{:.0f} MB for exact, which exceeds the memory limit", describe(context_.network, component),
+                                tables_too_large ? "more than " : "", std::ceil(bytes / 1e6));
+      return true;
+    }
+    return false;
+  }
+
+  void sum(const Prepared& prepared, Answer& out) const {
+    const FactorGraph& graph = prepared.graph;
+    const BucketTree tree(graph.cardinalities, graph.scopes, prepared.order.order);
+    const SumProductResult result = sum_product(tree, graph.tables, context_.stop, !graph.queries.empty());
+    out.termination = result.termination;
+    out.log_partition = result.log_partition + graph.constant;
+    if (out.termination != Termination::kCompleted || out.log_partition == -kInfinity) return;
+    for (const ValueTest& query : graph.queries) {
+      double p = query.is_constant() && query.value() ? 1.0 : 0.0;
+      if (!query.is_constant()) {
+        for (std::size_t k = 0; k < query.accepted.size(); ++k) {
+          if (query.accepted[k] != 0) p += result.marginals[query.variable][k];
+        }
+      }
+      out.probabilities.push_back(std::clamp(p, 0.0, 1.0));
+    }
+  }
+
+  void maximise(const Prepared& prepared, ComponentId component, Answer& out) const {
+    const FactorGraph& graph = prepared.graph;
+    const BucketTree tree(graph.cardinalities, graph.scopes, prepared.order.order);
+    const MaxSumResult result = max_sum(tree, graph.tables, context_.stop);
+    out.termination = result.termination;
+    out.log_partition = result.log_maximum + graph.constant;
+    if (out.termination != Termination::kCompleted || out.log_partition == -kInfinity) return;
+    for (std::size_t i = 0; i < context_.network.component_variables(component).size(); ++i) {
+      const FactorGraph::Binding& binding = graph.bindings[i];
+      out.values.push_back(binding.variable == ValueTest::kConstant ? binding.values[0]
+                                                                    : binding.values[result.values[binding.variable]]);
+    }
+  }
+
+  MethodResult collect() {
+    MethodResult result;
+    const GroundNetwork& network = context_.network;
+    if (for_map_) {
+      result.values.assign(network.variable_count(), 0);
+    } else {
+      result.marginals.resize(network.queries().size());
+    }
+    double total = 0.0;
+    std::size_t answered = 0, too_large = 0;
+    for (std::size_t i = 0; i < answers_.size(); ++i) {
+      const ComponentId component = context_.components[i];
+      const Answer& answer = answers_[i];
+      const bool good = answer.started && answer.termination == Termination::kCompleted;
+      if (good) ++answered;
+      if (answer.termination == Termination::kTooWide || answer.termination == Termination::kMemoryLimit) ++too_large;
+      total += good ? answer.log_partition : 0.0;
+      report(component, answer, good, result);
+    }
+    conclude(result, total, answered, too_large);
+    return result;
+  }
+
+  void report(ComponentId component, const Answer& answer, bool good, MethodResult& result) const {
+    const auto queries = context_.network.component_queries(component);
+    const auto variables = context_.network.component_variables(component);
+    if (for_map_ && good) {
+      for (std::size_t v = 0; v < variables.size(); ++v) result.values[variables[v].index()] = answer.values[v];
+    }
+    if (!for_map_) {
+      for (std::size_t q = 0; q < queries.size(); ++q) {
+        result.marginals[queries[q]].probability = good ? answer.probabilities[q] : kNan;
+      }
+    }
+    if (good) return;
+    // What is certain outweighs what was merely not tried; of equals the first component speaks.
+    const auto weight = [](Termination t) {
+      switch (t) {
+        case Termination::kNoPossibleWorld: return 3;
+        case Termination::kTooWide:
+        case Termination::kMemoryLimit: return 2;
+        case Termination::kCompleted: return 0;
+        default: return 1;
+      }
+    };
+    const Termination unstarted = context_.stop.interrupted() ? Termination::kInterrupted : Termination::kTimeLimit;
+    const Termination own = answer.started ? answer.termination : unstarted;
+    if (weight(own) <= weight(result.termination)) return;
+    result.termination = own;
+    result.message = answer.message;
+    result.conflict = answer.conflict;
+  }
+
+  void conclude(MethodResult& result, double total, std::size_t answered, std::size_t too_large) const {
+    if (result.termination == Termination::kCompleted) {
+      if (for_map_) {
+        result.map_score = result.map_bound = total;
+      } else {
+        result.log_partition = total;
+      }
+      return;
+    }
+    if (for_map_) {
+      result.map_score = total;
+      result.map_bound = kInfinity;
+    }
+    if (result.termination == Termination::kTooWide || result.termination == Termination::kMemoryLimit) {
+      if (too_large > 1) result.message += fmt::format(" ({} more likewise)", grouped(too_large - 1));
+    } else if (result.message.empty()) {
+      result.message = fmt::format("stopped with {} of {} components answered", grouped(answered), grouped(answers_.size()));
+    }
+  }
+
+  const MethodContext& context_;
+  const bool for_map_;
+  std::vector<Answer> answers_;
+  std::atomic<std::size_t> done_{0};
+  MemoryGate gate_;
+};
+
+}  // namespace
+
+MethodResult run_exact(const MethodContext& context) { return ExactRun(context, false).run(); }
+
+MethodResult run_exact_map(const MethodContext& context) { return ExactRun(context, true).run(); }
+
+ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options) {
+  const Prepared prepared = prepare(network, component, options, {}, true);
+  ExactCost cost;
+  cost.possible = prepared.graph.possible;
+  cost.largest_log2 = prepared.order.largest_log2;
+  cost.total_log2 = prepared.order.total_log2;
+  cost.bytes = std::max(prepared.bytes, static_cast<double>(prepared.graph.table_bytes));
+  cost.feasible = cost.possible && !prepared.graph.too_large && narrow_enough(prepared, options) &&
+                  cost.bytes <= static_cast<double>(options.max_memory);
+  return cost;
+}
+
+}  // namespace sherlog

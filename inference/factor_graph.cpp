@@ -1,0 +1,724 @@
+#include "inference/factor_graph.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <string>
+#include <unordered_map>
+#include <utility>
+
+#include "inference/at_most_one.h"
+#include "inference/propagation.h"
+
+namespace sherlog {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::uint64_t kPairJoint = 65536;  // a formula over two variables with so many joint values becomes one table
+constexpr std::uint64_t kSharedJoint = 4096;   // one whose variables have many formulas
+constexpr std::uint64_t kLargePair = 64;       // two tests whose variables are larger get an indicator each
+constexpr std::uint32_t kNone = 0xffffffffu;
+
+std::uint64_t hash_words(const std::vector<std::uint32_t>& words) {
+  std::uint64_t h = 0x9e3779b97f4a7c15u + words.size();
+  for (const std::uint32_t w : words) {
+    h ^= w;
+    h *= 0xff51afd7ed558ccdu;
+    h ^= h >> 32;
+  }
+  return h;
+}
+struct WordsHash {
+  std::size_t operator()(const std::vector<std::uint32_t>& words) const { return hash_words(words); }
+};
+
+// Truth for each joint value of a scope, 64 to a word.
+using BitTable = std::vector<std::uint64_t>;
+
+class Compiler {
+ public:
+  Compiler(const GroundNetwork& network, ComponentId component, const FactorGraphOptions& options)
+      : network_(network), component_(component), options_(options), propagation_(network, component) {}
+
+  FactorGraph run() {
+    if (!propagation_.run()) {
+      graph_.possible = false;
+      graph_.conflict = propagation_.conflict();
+      return std::move(graph_);
+    }
+    bind_variables();
+    collect_gates();
+    add_groups();
+    collect_roots();
+    for (const Root& root : roots_) {
+      if (graph_.table_bytes > options_.max_bytes) break;
+      add_root(root);
+    }
+    if (options_.with_queries) {
+      for (const std::uint32_t q : network_.component_queries(component_)) {
+        graph_.queries.push_back(test_of(network_.queries()[q].literal));
+      }
+    }
+    graph_.too_large = graph_.table_bytes > options_.max_bytes;
+    return std::move(graph_);
+  }
+
+ private:
+  // --- variables
+
+  void bind_variables() {
+    for (const VariableId v : network_.component_variables(component_)) {
+      FactorGraph::Binding binding;
+      for (std::uint32_t value = 0; value < network_.value_count(v); ++value) {
+        if (propagation_.allowed(v, value)) binding.values.push_back(value);
+      }
+      if (binding.values.size() > 1) {
+        binding.variable = static_cast<std::uint32_t>(graph_.cardinalities.size());
+        graph_.cardinalities.push_back(static_cast<std::uint32_t>(binding.values.size()));
+        key_.push_back(v.value);
+      }
+      binding_of_.emplace(v.value, static_cast<std::uint32_t>(graph_.bindings.size()));
+      add_bias(v, binding);
+      graph_.bindings.push_back(std::move(binding));
+    }
+  }
+
+  void add_bias(VariableId v, const FactorGraph::Binding& binding) {
+    if (options_.atom_bias.empty()) return;
+    std::vector<double> table;
+    bool any = false;
+    for (const std::uint32_t value : binding.values) {
+      const std::size_t atom = network_.first_atom(v).index() + value;
+      table.push_back(value < network_.candidate_count(v) ? options_.atom_bias[atom] : 0.0);
+      any = any || table.back() != 0.0;
+    }
+    if (!any) return;
+    if (binding.variable == kNone) {
+      graph_.constant += table[0];
+    } else {
+      add_table({binding.variable}, table);
+    }
+  }
+
+  const FactorGraph::Binding& binding(VariableId v) const { return graph_.bindings[binding_of_.at(v.value)]; }
+
+  ValueTest value_test(VariableId v, std::uint32_t value) const {
+    const FactorGraph::Binding& b = binding(v);
+    const auto found = std::lower_bound(b.values.begin(), b.values.end(), value);
+    if (found == b.values.end() || *found != value) return ValueTest::constant(false);
+    if (b.variable == kNone) return ValueTest::constant(true);
+    ValueTest test{b.variable, std::vector<std::uint8_t>(b.values.size(), 0)};
+    test.accepted[static_cast<std::size_t>(found - b.values.begin())] = 1;
+    return test;
+  }
+
+  static ValueTest negation(ValueTest test) {
+    for (auto& accepted : test.accepted) accepted ^= 1;
+    return test;
+  }
+
+  // A test without constants in disguise.
+  static ValueTest simplified(ValueTest test) {
+    if (test.is_constant()) return test;
+    const auto ones = std::count(test.accepted.begin(), test.accepted.end(), std::uint8_t{1});
+    if (ones == 0) return ValueTest::constant(false);
+    if (ones == static_cast<std::ptrdiff_t>(test.accepted.size())) return ValueTest::constant(true);
+    return test;
+  }
+
+  // --- gates of the component: constants and supports
+
+  struct GateInfo {
+    GateId id;
+    Truth truth = Truth::kOpen;           // by propagation, or as its inputs say
+    bool demanded = false;                // propagation says so, its inputs do not: to be enforced
+    bool wide = false;                    // too many joint values to list: `support` is not kept
+    std::vector<std::uint32_t> support;   // variables of the graph, sorted
+    std::uint64_t joint = 1;
+    std::optional<ValueTest> test;
+  };
+
+  void collect_gates() {
+    std::vector<std::uint32_t> stack;
+    const auto push = [&](Literal literal) {
+      if (literal.is_gate() && local_gate_.emplace(literal.gate().value, 0).second) stack.push_back(literal.gate().value);
+    };
+    for (const std::uint32_t f : network_.component_features(component_)) push(network_.features()[f].literal);
+    for (const std::uint32_t c : network_.component_constraints(component_)) push(network_.constraints()[c].literal);
+    if (options_.with_queries) {
+      for (const std::uint32_t q : network_.component_queries(component_)) push(network_.queries()[q].literal);
+    }
+    std::vector<std::uint32_t> ids;
+    while (!stack.empty()) {
+      const std::uint32_t g = stack.back();
+      stack.pop_back();
+      ids.push_back(g);
+      for (const Literal input : network_.gate_inputs(GateId(g))) push(input);
+    }
+    std::sort(ids.begin(), ids.end());  // inputs before gates
+    gates_.reserve(ids.size());
+    for (const std::uint32_t g : ids) {
+      local_gate_[g] = static_cast<std::uint32_t>(gates_.size());
+      GateInfo info;
+      info.id = GateId(g);
+      look_at(info);
+      gates_.push_back(std::move(info));
+    }
+  }
+
+  GateInfo& info(GateId g) { return gates_[local_gate_.at(g.value)]; }
+
+  Truth truth(Literal literal) {
+    if (literal.is_constant()) return literal.negated() ? Truth::kFalse : Truth::kTrue;
+    Truth plain = Truth::kOpen;
+    if (literal.is_gate()) {
+      plain = info(literal.gate()).truth;
+    } else {
+      const ValueTest test = value_test(network_.variable_of(literal.atom()), network_.value_of(literal.atom()));
+      if (test.is_constant()) plain = test.value() ? Truth::kTrue : Truth::kFalse;
+    }
+    if (plain == Truth::kOpen) return plain;
+    return (plain == Truth::kTrue) != literal.negated() ? Truth::kTrue : Truth::kFalse;
+  }
+
+  // Truth by the inputs' truths.
+  Truth derived(GateId g) {
+    const auto inputs = network_.gate_inputs(g);
+    if (network_.gate_kind(g) == GateKind::kIff) {
+      const Truth a = truth(inputs[0]), b = truth(inputs[1]);
+      if (a == Truth::kOpen || b == Truth::kOpen) return Truth::kOpen;
+      return a == b ? Truth::kTrue : Truth::kFalse;
+    }
+    bool open = false;
+    for (const Literal input : inputs) {
+      const Truth t = truth(input);
+      if (t == Truth::kTrue) return t;
+      open = open || t == Truth::kOpen;
+    }
+    return open ? Truth::kOpen : Truth::kFalse;
+  }
+
+  void look_at(GateInfo& gate) {
+    gate.truth = derived(gate.id);
+    if (gate.truth != Truth::kOpen) return;
+    gate.truth = propagation_.truth(Literal::gate(gate.id));
+    gate.demanded = gate.truth != Truth::kOpen;
+    for (const Literal input : network_.gate_inputs(gate.id)) {
+      if (truth(input) != Truth::kOpen) continue;
+      if (input.is_gate()) {
+        const GateInfo& child = info(input.gate());
+        gate.wide = gate.wide || child.wide;
+        if (gate.wide) break;
+        extend(gate, child.support);
+      } else {
+        const std::uint32_t variable = binding(network_.variable_of(input.atom())).variable;
+        extend(gate, {&variable, 1});
+      }
+      if (gate.wide) break;
+    }
+    if (gate.wide) gate.support.clear();
+  }
+
+  void extend(GateInfo& gate, std::span<const std::uint32_t> variables) {
+    for (const std::uint32_t v : variables) {
+      const auto place = std::lower_bound(gate.support.begin(), gate.support.end(), v);
+      if (place != gate.support.end() && *place == v) continue;
+      gate.support.insert(place, v);
+      gate.joint *= graph_.cardinalities[v];
+      if (gate.joint > kPairJoint) {
+        gate.wide = true;
+        return;
+      }
+    }
+  }
+
+  // --- roots: what scores or must hold
+
+  struct Root {
+    Literal literal;
+    double when_true = 0.0, when_false = 0.0;
+  };
+
+  void collect_roots() {
+    for (GateInfo& gate : gates_) {
+      if (!gate.demanded || std::binary_search(covered_gates_.begin(), covered_gates_.end(), gate.id.value)) continue;
+      const bool value = gate.truth == Truth::kTrue;
+      roots_.push_back({Literal::gate(gate.id), value ? 0.0 : -kInfinity, value ? -kInfinity : 0.0});
+    }
+    for (const std::uint32_t f : network_.component_features(component_)) {
+      const Feature& feature = network_.features()[f];
+      const Truth t = truth(feature.literal);
+      if (t == Truth::kTrue) graph_.constant += feature.weight;
+      if (t == Truth::kOpen) roots_.push_back({feature.literal, feature.weight, 0.0});
+    }
+    for (const Root& root : roots_) {
+      if (!root.literal.is_gate()) continue;
+      const GateInfo& gate = info(root.literal.gate());
+      if (!gate.wide && gate.joint > options_.small_joint) ++formulas_on_[gate.support];
+    }
+  }
+
+  bool one_table(const GateInfo& gate) const {
+    if (gate.wide) return false;
+    if (gate.joint <= options_.small_joint || gate.support.size() <= 2) return true;
+    const auto found = formulas_on_.find(gate.support);
+    return gate.joint <= kSharedJoint && found != formulas_on_.end() && gate.joint <= 16 * found->second;
+  }
+
+  void add_root(const Root& root) {
+    if (root.literal.is_atom()) {
+      add_unary(test_of(root.literal), root.when_true, root.when_false);
+      return;
+    }
+    const GateInfo& gate = info(root.literal.gate());
+    const double when_true = root.literal.negated() ? root.when_false : root.when_true;
+    const double when_false = root.literal.negated() ? root.when_true : root.when_false;
+    if (one_table(gate)) {
+      const BitTable bits = truth_table(gate.id, gate.support);
+      std::vector<double> table(gate.joint);
+      for (std::size_t i = 0; i < table.size(); ++i) table[i] = (bits[i / 64] >> (i % 64) & 1u) != 0 ? when_true : when_false;
+      add_table(gate.support, table);
+      return;
+    }
+    std::vector<ValueTest> tests = input_tests(gate.id);
+    if (network_.gate_kind(gate.id) == GateKind::kIff) {
+      add_binary(tests[0], tests[1], [&](bool a, bool b) { return a == b ? when_true : when_false; });
+      return;
+    }
+    const bool always = !join_tests(tests);
+    if (always) {
+      graph_.constant += when_true;
+    } else if (tests.empty()) {
+      graph_.constant += when_false;
+    } else {
+      const ValueTest last = tests.back();
+      tests.pop_back();
+      if (tests.empty()) {
+        add_unary(last, when_true, when_false);
+      } else {
+        add_binary(chain(tests, false), last, [&](bool a, bool b) { return a || b ? when_true : when_false; });
+      }
+    }
+  }
+
+  // --- truth tables
+
+  BitTable truth_table(GateId root, const std::vector<std::uint32_t>& scope) {
+    std::vector<std::uint32_t> below{local_gate_.at(root.value)};  // local numbers
+    std::map<std::uint32_t, BitTable> tables;                      // by local number: inputs come first
+    tables.emplace(below[0], BitTable{});
+    for (std::size_t i = 0; i < below.size(); ++i) {
+      for (const Literal input : network_.gate_inputs(gates_[below[i]].id)) {
+        if (!input.is_gate() || truth(input) != Truth::kOpen) continue;
+        const std::uint32_t child = local_gate_.at(input.gate().value);
+        if (tables.emplace(child, BitTable{}).second) below.push_back(child);
+      }
+    }
+    std::uint64_t joint = 1;
+    for (const std::uint32_t v : scope) joint *= graph_.cardinalities[v];
+    const std::size_t words = (joint + 63) / 64;
+    for (auto& [number, table] : tables) {
+      const GateId g = gates_[number].id;
+      const auto input_table = [&](Literal input) {
+        BitTable bits(words, 0);
+        const Truth t = truth(input);
+        if (t != Truth::kOpen) {
+          if (t == Truth::kTrue) std::fill(bits.begin(), bits.end(), ~std::uint64_t{0});
+          return bits;
+        }
+        if (input.is_gate()) {
+          bits = tables.at(local_gate_.at(input.gate().value));
+        } else {
+          bits = test_table(value_test(network_.variable_of(input.atom()), network_.value_of(input.atom())), scope, joint);
+        }
+        if (input.negated()) {
+          for (auto& word : bits) word = ~word;
+        }
+        return bits;
+      };
+      const auto inputs = network_.gate_inputs(g);
+      table = input_table(inputs[0]);
+      for (std::size_t i = 1; i < inputs.size(); ++i) {
+        const BitTable other = input_table(inputs[i]);
+        const bool is_or = network_.gate_kind(g) == GateKind::kOr;
+        for (std::size_t w = 0; w < words; ++w) table[w] = is_or ? table[w] | other[w] : ~(table[w] ^ other[w]);
+      }
+    }
+    return tables.at(below[0]);
+  }
+
+  BitTable test_table(const ValueTest& test, const std::vector<std::uint32_t>& scope, std::uint64_t joint) const {
+    std::uint64_t stride = 1;
+    for (std::size_t i = scope.size(); scope[i - 1] != test.variable; --i) stride *= graph_.cardinalities[scope[i - 1]];
+    BitTable bits((joint + 63) / 64, 0);
+    const std::uint64_t k = graph_.cardinalities[test.variable];
+    for (std::uint64_t i = 0; i < joint; ++i) {
+      if (test.accepted[i / stride % k] != 0) bits[i / 64] |= std::uint64_t{1} << (i % 64);
+    }
+    return bits;
+  }
+
+  // --- tests: literals as "this variable's value is among these"
+
+  ValueTest test_of(Literal literal) {
+    const Truth t = truth(literal);
+    if (t != Truth::kOpen) return ValueTest::constant(t == Truth::kTrue);
+    ValueTest plain;
+    if (literal.is_atom()) {
+      plain = value_test(network_.variable_of(literal.atom()), network_.value_of(literal.atom()));
+    } else {
+      make_tests_below(literal.gate());
+      plain = *info(literal.gate()).test;
+    }
+    return literal.negated() ? negation(plain) : plain;
+  }
+
+  // Makes the tests of a gate and of whatever it needs, without recursion.
+  void make_tests_below(GateId root) {
+    std::vector<GateId> stack{root};
+    while (!stack.empty()) {
+      const GateId g = stack.back();
+      if (info(g).test) {
+        stack.pop_back();
+        continue;
+      }
+      const std::size_t before = stack.size();
+      if (!is_function(info(g))) {
+        for (const Literal leaf : leaves(g)) {
+          if (leaf.is_gate() && !info(leaf.gate()).test) stack.push_back(leaf.gate());
+        }
+      }
+      if (stack.size() > before) continue;
+      info(g).test = make_test(g);
+      stack.pop_back();
+    }
+  }
+
+  // Open inputs; those of an OR with ORs among its inputs are taken from these.
+  std::vector<Literal> leaves(GateId root) {
+    std::vector<Literal> out;
+    std::vector<GateId> stack{root};
+    std::unordered_map<std::uint32_t, bool> seen;
+    const bool is_or = network_.gate_kind(root) == GateKind::kOr;
+    while (!stack.empty()) {
+      const GateId g = stack.back();
+      stack.pop_back();
+      for (const Literal input : network_.gate_inputs(g)) {
+        if (truth(input) != Truth::kOpen) {
+          if (!is_or) out.push_back(input);
+          continue;
+        }
+        const bool nested = is_or && input.is_gate() && !input.negated() && network_.gate_kind(input.gate()) == GateKind::kOr;
+        if (!nested) {
+          out.push_back(input);
+        } else if (seen.emplace(input.gate().value, true).second) {
+          stack.push_back(input.gate());
+        }
+      }
+    }
+    return out;
+  }
+
+  std::vector<ValueTest> input_tests(GateId g) {
+    std::vector<ValueTest> tests;
+    for (const Literal leaf : leaves(g)) tests.push_back(test_of(leaf));
+    return tests;
+  }
+
+  bool is_function(const GateInfo& gate) const {
+    return !gate.wide && (gate.joint <= options_.small_joint / 2 || gate.support.size() == 1);
+  }
+
+  ValueTest make_test(GateId g) {
+    const GateInfo& gate = info(g);
+    if (is_function(gate)) return function_test(g);
+    std::vector<ValueTest> tests = input_tests(g);
+    if (network_.gate_kind(g) == GateKind::kIff) return combined(tests[0], tests[1], Operation::kIff);
+    if (!join_tests(tests)) return ValueTest::constant(true);
+    if (tests.empty()) return ValueTest::constant(false);
+    return chain(tests, false);
+  }
+
+  // The truth of a gate over few joint values: a test where it depends on one variable, else an auxiliary variable.
+  ValueTest function_test(GateId g) {
+    const std::vector<std::uint32_t> support = info(g).support;
+    const BitTable bits = truth_table(g, support);
+    const std::uint64_t joint = info(g).joint;
+    std::vector<std::uint8_t> truths(joint);
+    for (std::size_t i = 0; i < joint; ++i) truths[i] = static_cast<std::uint8_t>(bits[i / 64] >> (i % 64) & 1u);
+    if (support.size() == 1) return simplified({support[0], truths});
+    std::uint32_t key = 0;
+    for (const std::uint32_t v : support) key = std::max(key, key_[v]);
+    const ValueTest aux = auxiliary(key);
+    std::vector<std::uint32_t> scope = support;
+    scope.push_back(aux.variable);
+    std::vector<double> table;
+    for (const std::uint8_t t : truths) {
+      table.push_back(t != 0 ? -kInfinity : 0.0);
+      table.push_back(t != 0 ? 0.0 : -kInfinity);
+    }
+    add_table(scope, table);
+    return aux;
+  }
+
+  // Joins tests of the same variable and whole at-most-one groups, drops constants, sorts by the variables' order. False: the
+  // OR is true for certain.
+  bool join_tests(std::vector<ValueTest>& tests) {
+    std::map<std::uint32_t, ValueTest> by_variable;
+    for (const ValueTest& test : tests) {
+      if (test.is_constant()) {
+        if (test.value()) return false;
+        continue;
+      }
+      const auto [it, fresh] = by_variable.emplace(test.variable, test);
+      if (fresh) continue;
+      for (std::size_t k = 0; k < test.accepted.size(); ++k) it->second.accepted[k] |= test.accepted[k];
+    }
+    replace_groups(by_variable);
+    tests.clear();
+    for (auto& [variable, test] : by_variable) {
+      ValueTest plain = simplified(std::move(test));
+      if (!plain.is_constant()) {
+        tests.push_back(std::move(plain));
+      } else if (plain.value()) {
+        return false;
+      }
+    }
+    std::stable_sort(tests.begin(), tests.end(),
+                     [&](const ValueTest& a, const ValueTest& b) { return key_[a.variable] < key_[b.variable]; });
+    return true;
+  }
+
+  void replace_groups(std::map<std::uint32_t, ValueTest>& by_variable) {
+    std::vector<std::uint32_t> candidates;
+    for (const auto& [variable, test] : by_variable) {
+      const auto found = groups_starting_at_.find(variable);
+      if (found != groups_starting_at_.end()) candidates.insert(candidates.end(), found->second.begin(), found->second.end());
+    }
+    for (const std::uint32_t g : candidates) {
+      const Group& group = groups_[g];
+      const bool contained = std::all_of(group.tests.begin(), group.tests.end(), [&](const ValueTest& test) {
+        const auto found = by_variable.find(test.variable);
+        return found != by_variable.end() && found->second == test;
+      });
+      if (!contained) continue;
+      for (const ValueTest& test : group.tests) by_variable.erase(test.variable);
+      by_variable.emplace(group.any.variable, group.any);
+    }
+  }
+
+  // --- auxiliary variables
+
+  enum class Operation : std::uint32_t { kOr, kIff, kIndicator };
+
+  ValueTest auxiliary(std::uint32_t key) {
+    const auto variable = static_cast<std::uint32_t>(graph_.cardinalities.size());
+    graph_.cardinalities.push_back(2);
+    key_.push_back(key);
+    return {variable, {0, 1}};
+  }
+
+  static std::vector<std::uint32_t> signature(const ValueTest& a, const ValueTest& b, Operation operation) {
+    std::vector<std::uint32_t> words{static_cast<std::uint32_t>(operation), a.variable, b.variable};
+    for (const ValueTest* test : {&a, &b}) {
+      std::uint32_t word = 1, count = 0;
+      for (const std::uint8_t accepted : test->accepted) {
+        word = word << 1 | accepted;
+        if (++count % 30 == 0) {
+          words.push_back(word);
+          word = 1;
+        }
+      }
+      words.push_back(word);
+    }
+    return words;
+  }
+
+  // The auxiliary variable that tells whether the test holds.
+  ValueTest indicator(const ValueTest& test) {
+    if (test.is_constant() || test.accepted.size() == 2) return test;
+    auto [it, fresh] = made_.emplace(signature(test, ValueTest::constant(true), Operation::kIndicator), ValueTest{});
+    if (!fresh) return it->second;
+    const ValueTest aux = auxiliary(key_[test.variable]);
+    it->second = aux;
+    std::vector<double> table;
+    for (const std::uint8_t accepted : test.accepted) {
+      table.push_back(accepted != 0 ? -kInfinity : 0.0);
+      table.push_back(accepted != 0 ? 0.0 : -kInfinity);
+    }
+    add_table({test.variable, aux.variable}, table);
+    return aux;
+  }
+
+  bool large_pair(const ValueTest& a, const ValueTest& b) const { return a.accepted.size() * b.accepted.size() > kLargePair; }
+
+  // a v b, or a <=> b, as a test of one variable.
+  ValueTest combined(ValueTest a, ValueTest b, Operation operation) {
+    if (a.is_constant()) std::swap(a, b);
+    if (b.is_constant()) {
+      if (operation == Operation::kOr) return b.value() ? b : a;
+      return b.value() ? a : negation(a);
+    }
+    if (a.variable == b.variable) {
+      for (std::size_t k = 0; k < a.accepted.size(); ++k) {
+        const bool truth = operation == Operation::kOr ? (a.accepted[k] | b.accepted[k]) != 0 : a.accepted[k] == b.accepted[k];
+        a.accepted[k] = truth ? 1 : 0;
+      }
+      return simplified(a);
+    }
+    if (large_pair(a, b)) {
+      a = indicator(a);
+      b = indicator(b);
+    }
+    auto [it, fresh] = made_.emplace(signature(a, b, operation), ValueTest{});
+    if (!fresh) return it->second;
+    const ValueTest aux = auxiliary(std::max(key_[a.variable], key_[b.variable]));
+    it->second = aux;
+    std::vector<double> table;
+    for (const std::uint8_t x : a.accepted) {
+      for (const std::uint8_t y : b.accepted) {
+        const bool truth = operation == Operation::kOr ? (x | y) != 0 : x == y;
+        table.push_back(truth ? -kInfinity : 0.0);
+        table.push_back(truth ? 0.0 : -kInfinity);
+      }
+    }
+    add_table({a.variable, b.variable, aux.variable}, table);
+    return aux;
+  }
+
+  // The OR of the tests (of different variables, sorted), link by link; with `at_most_one` two of them exclude each other.
+  ValueTest chain(const std::vector<ValueTest>& tests, bool at_most_one) {
+    ValueTest any = tests[0];
+    for (std::size_t i = 1; i < tests.size(); ++i) {
+      if (at_most_one) {
+        add_binary(any, tests[i], [](bool a, bool b) { return a && b ? -kInfinity : 0.0; });
+      }
+      any = combined(any, tests[i], Operation::kOr);
+    }
+    return any;
+  }
+
+  // --- at-most-one groups
+
+  struct Group {
+    std::vector<ValueTest> tests;
+    ValueTest any;
+  };
+
+  void add_groups() {
+    const AtMostOne found = find_at_most_one(network_, component_);
+    for (const std::uint32_t c : found.covered) covered_gates_.push_back(network_.constraints()[c].literal.gate().value);
+    std::sort(covered_gates_.begin(), covered_gates_.end());
+    for (const auto& literals : found.groups) {
+      std::vector<ValueTest> tests;
+      for (const auto& [variable, value] : literals) {
+        const ValueTest test = value_test(variable, value);
+        if (test.is_constant()) continue;  // a true one has made the others false by propagation
+        if (!tests.empty() && tests.back().variable == test.variable) {
+          for (std::size_t k = 0; k < test.accepted.size(); ++k) tests.back().accepted[k] |= test.accepted[k];
+        } else {
+          tests.push_back(test);
+        }
+      }
+      // A variable with all its values in the group leaves nothing to the others.
+      for (ValueTest& test : tests) test = simplified(std::move(test));
+      std::stable_partition(tests.begin(), tests.end(), [](const ValueTest& test) { return test.is_constant(); });
+      groups_.push_back({std::move(tests), {}});
+    }
+    for (std::uint32_t g = 0; g < groups_.size(); ++g) {
+      Group& group = groups_[g];
+      if (group.tests.size() < 2) continue;
+      group.any = chain(group.tests, true);
+      if (!group.any.is_constant()) groups_starting_at_[group.tests[0].variable].push_back(g);
+    }
+  }
+
+  // --- tables
+
+  void add_unary(const ValueTest& test, double when_true, double when_false) {
+    if (test.is_constant()) {
+      graph_.constant += test.value() ? when_true : when_false;
+      return;
+    }
+    std::vector<double> table;
+    for (const std::uint8_t accepted : test.accepted) table.push_back(accepted != 0 ? when_true : when_false);
+    add_table({test.variable}, table);
+  }
+
+  template <class Value>
+  void add_binary(ValueTest a, ValueTest b, Value value) {
+    if (a.is_constant()) std::swap(a, b);  // the values asked for are symmetric
+    if (b.is_constant()) {
+      add_unary(a, value(true, b.value()), value(false, b.value()));
+      return;
+    }
+    if (a.variable == b.variable) {
+      std::vector<double> table;
+      for (std::size_t k = 0; k < a.accepted.size(); ++k) table.push_back(value(a.accepted[k] != 0, b.accepted[k] != 0));
+      add_table({a.variable}, table);
+      return;
+    }
+    if (large_pair(a, b)) {
+      a = indicator(a);
+      b = indicator(b);
+    }
+    std::vector<double> table;
+    for (const std::uint8_t x : a.accepted) {
+      for (const std::uint8_t y : b.accepted) table.push_back(value(x != 0, y != 0));
+    }
+    add_table({a.variable, b.variable}, table);
+  }
+
+  // Adds the table to the one over the same variables. The scope may come in any order.
+  void add_table(const std::vector<std::uint32_t>& scope, const std::vector<double>& table) {
+    std::vector<std::uint32_t> sorted = scope;
+    std::sort(sorted.begin(), sorted.end());
+    const auto [it, fresh] = table_of_.emplace(sorted, static_cast<std::uint32_t>(graph_.tables.size()));
+    if (fresh) {
+      graph_.scopes.push_back(sorted);
+      graph_.tables.emplace_back(table.size(), 0.0);
+      graph_.table_bytes += table.size() * sizeof(double) + 200;
+    }
+    std::vector<double>& target = graph_.tables[it->second];
+    if (sorted == scope) {
+      for (std::size_t i = 0; i < table.size(); ++i) target[i] += table[i];
+      return;
+    }
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      std::size_t rest = i, index = 0;
+      for (std::size_t d = scope.size(); d-- > 0;) {
+        const std::size_t value = rest % graph_.cardinalities[scope[d]];
+        rest /= graph_.cardinalities[scope[d]];
+        std::size_t stride = 1;
+        for (std::size_t e = sorted.size(); sorted[e - 1] != scope[d]; --e) stride *= graph_.cardinalities[sorted[e - 1]];
+        index += value * stride;
+      }
+      target[index] += table[i];
+    }
+  }
+
+  const GroundNetwork& network_;
+  const ComponentId component_;
+  const FactorGraphOptions& options_;
+  Propagation propagation_;
+  FactorGraph graph_;
+  std::vector<std::uint32_t> key_;  // by variable of the graph: where in the network it stands (an auxiliary one: its last input)
+  std::unordered_map<std::uint32_t, std::uint32_t> binding_of_, local_gate_;
+  std::vector<GateInfo> gates_;     // sorted by id
+  std::vector<Root> roots_;
+  std::unordered_map<std::vector<std::uint32_t>, std::uint64_t, WordsHash> formulas_on_;
+  std::unordered_map<std::vector<std::uint32_t>, std::uint32_t, WordsHash> table_of_;
+  std::unordered_map<std::vector<std::uint32_t>, ValueTest, WordsHash> made_;
+  std::vector<Group> groups_;
+  std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_starting_at_;
+  std::vector<std::uint32_t> covered_gates_;
+};
+
+}  // namespace
+
+FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component, const FactorGraphOptions& options) {
+  return Compiler(network, component, options).run();
+}
+
+}  // namespace sherlog

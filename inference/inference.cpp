@@ -1,0 +1,221 @@
+#include "inference/inference.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "inference/exact.h"
+#include "inference/jeffrey.h"
+#include "inference/mcsat.h"
+
+namespace sherlog {
+namespace {
+
+// `auto` answers a component exactly where elimination touches at most this many table entries (log2), some tenths of a second.
+constexpr double kAutoExactLog2 = 24.0;
+constexpr double kConvergedRhat = 1.01;      // Vehtari et al. 2021, section 4
+constexpr double kConvergedEssPerChain = 100.0;
+
+// Marginals, by the chosen method or by `auto`'s choice for each component.
+MethodResult run_marginals(const MethodContext& context, const Method* method, std::string& used) {
+  if (method != nullptr) {
+    used = method->name;
+    return method->run(context);
+  }
+  std::vector<ComponentId> narrow, wide;
+  for (ComponentId c : context.components) {
+    const ExactCost cost = exact_cost(context.network, c, context.options);
+    (!cost.possible || (cost.feasible && cost.total_log2 <= kAutoExactLog2) ? narrow : wide).push_back(c);
+  }
+  used = wide.empty() ? "exact" : narrow.empty() ? "mcsat" : "exact+mcsat";
+  const InferenceOptions& options = context.options;
+  MethodResult result = run_exact({context.network, narrow, options, context.stop, context.atom_bias});
+  if (wide.empty()) return result;
+  if (result.termination != Termination::kCompleted) return result;
+  MethodResult sampled = run_mcsat({context.network, wide, options, context.stop, context.atom_bias});
+  for (ComponentId c : wide) {
+    for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q] = sampled.marginals[q];
+  }
+  result.log_partition.reset();
+  result.termination = sampled.termination;
+  result.message = std::move(sampled.message);
+  result.conflict = std::move(sampled.conflict);
+  std::ranges::move(sampled.warnings, std::back_inserter(result.warnings));
+  return result;
+}
+
+ChainDiagnostics judge(const std::vector<Marginal>& marginals, std::uint32_t chains) {
+  ChainDiagnostics diagnostics;
+  diagnostics.rhat_max = 0.0;
+  diagnostics.ess_min = std::numeric_limits<double>::infinity();
+  for (const Marginal& m : marginals) {
+    if (!m.ess && !m.rhat) continue;
+    const double rhat = m.rhat.value_or(kConvergedRhat), ess = m.ess.value_or(0.0);
+    diagnostics.rhat_max = std::max(diagnostics.rhat_max, rhat);
+    diagnostics.ess_min = std::min(diagnostics.ess_min, ess);
+    if (!(rhat < kConvergedRhat) || ess < kConvergedEssPerChain * chains) ++diagnostics.not_converged;
+  }
+  diagnostics.converged = diagnostics.not_converged == 0;
+  return diagnostics;
+}
+
+struct Bounds {
+  const char* name;
+  double value, least, most;
+};
+
+}  // namespace
+
+std::string validate(const InferenceOptions& options) {
+  if (options.method != "auto" && find_method(options.method) == nullptr) {
+    std::string known = "auto";
+    for (const Method& m : methods()) known += std::string(", ") + m.name;
+    return fmt::format("unknown method '{}': expected one of {}", options.method, known);
+  }
+  const Bounds bounds[] = {
+      {"samples", static_cast<double>(options.samples), 1, 4e9},
+      {"chains", static_cast<double>(options.chains), 1, 1024},
+      {"burn-in", static_cast<double>(options.burn_in), 0, 4e9},
+      {"threads", static_cast<double>(options.threads), 0, 4096},
+      {"max-seconds", options.max_seconds, 0, std::numeric_limits<double>::infinity()},
+      {"max-memory", static_cast<double>(options.max_memory), 1, std::numeric_limits<double>::infinity()},
+      {"max-table-log2", options.max_table_log2, 1, 31},
+      {"flips", static_cast<double>(options.flips), 1, 1e18},
+      {"restarts", static_cast<double>(options.restarts), 1, 1e6},
+  };
+  for (const Bounds& b : bounds) {
+    if (!(b.value >= b.least)) return fmt::format("option '{}' is {}, but must be at least {}", b.name, b.value, b.least);
+    if (!(b.value <= b.most)) return fmt::format("option '{}' is {}, but must be at most {}", b.name, b.value, b.most);
+  }
+  return {};
+}
+
+namespace {
+
+// The network with a query for each soft target, and which ones those are.
+struct TargetedNetwork {
+  GroundNetwork network;
+  std::vector<std::uint32_t> queries;
+};
+
+TargetedNetwork with_target_queries(const GroundNetwork& network) {
+  TargetedNetwork result;
+  NetworkBuilder builder(network);
+  for (const SoftTarget& target : network.soft_targets()) {
+    result.queries.push_back(static_cast<std::uint32_t>(builder.so_far().queries().size()));
+    builder.add_query({Literal::atom(target.atom), false, ""});
+  }
+  result.network = builder.build();
+  return result;
+}
+
+std::vector<ComponentId> all_components(const GroundNetwork& network) {
+  std::vector<ComponentId> components;
+  for (std::size_t c = 0; c < network.component_count(); ++c) components.emplace_back(c);
+  return components;
+}
+
+// Biases (by atom) that make the soft targets' posteriors what they should be; or result.termination says why there are none.
+std::vector<double> fit_soft_targets(const GroundNetwork& network, const Method* method, const InferenceOptions& options,
+                                     const StopCondition& stop, InferenceResult& result) {
+  const TargetedNetwork targeted = with_target_queries(network);
+  // Only components with a target matter.
+  std::vector<ComponentId> components;
+  for (const SoftTarget& t : network.soft_targets()) components.push_back(targeted.network.component_of(targeted.network.variable_of(t.atom)));
+  std::ranges::sort(components);
+  components.erase(std::unique(components.begin(), components.end()), components.end());
+  std::vector<double> biases(network.atom_count(), 0.0);
+  // A most probable world has no marginals to fit: the biases are those of the distribution.
+  if (method != nullptr && method->finds_map) method = nullptr;
+  InferenceOptions fitting = options;
+  fitting.samples = std::max(1000u, options.samples / 4);
+  const auto evaluate = [&](std::span<const double> values) {
+    for (std::size_t i = 0; i < values.size(); ++i) biases[network.soft_targets()[i].atom.index()] = values[i];
+    std::string used;
+    const MethodResult run = run_marginals({targeted.network, components, fitting, stop, biases}, method, used);
+    JeffreyEvaluation evaluation{run.termination, {}, run.log_partition};
+    if (run.termination != Termination::kCompleted) {
+      result.message = run.message;
+      result.conflict = run.conflict;
+      return evaluation;
+    }
+    for (std::uint32_t q : targeted.queries) evaluation.marginals.push_back(run.marginals[q].probability);
+    return evaluation;
+  };
+  const JeffreyFit fit = fit_jeffrey(network, network.soft_targets(), evaluate);
+  result.termination = fit.termination;
+  if (!fit.message.empty()) result.message = fit.message;
+  biases.assign(network.atom_count(), 0.0);
+  for (std::size_t i = 0; i < fit.biases.size(); ++i) biases[network.soft_targets()[i].atom.index()] = fit.biases[i];
+  return biases;
+}
+
+}  // namespace
+
+InferenceResult infer(const GroundNetwork& network, const InferenceOptions& options, Monitor& monitor) {
+  InferenceResult result;
+  result.options = options;
+  result.seed = options.seed;
+  result.method = options.method;
+  result.message = validate(options);
+  if (!result.message.empty()) {
+    result.termination = Termination::kRefused;
+    return result;
+  }
+  const StopCondition stop(monitor, options.max_seconds);
+  const Method* method = options.method == "auto" ? nullptr : find_method(options.method);
+  std::vector<double> biases;
+  if (!network.soft_targets().empty()) {
+    biases = fit_soft_targets(network, method, options, stop, result);
+    if (result.termination != Termination::kCompleted) {
+      result.seconds = stop.seconds();
+      return result;
+    }
+  }
+  const std::vector<ComponentId> components = all_components(network);
+  const MethodContext context{network, components, options, stop, biases};
+  const bool wants_map = method != nullptr && method->finds_map;
+  MethodResult run = wants_map ? method->run(context) : run_marginals(context, method, result.method);
+  result.termination = run.termination;
+  result.message = std::move(run.message);
+  result.conflict = std::move(run.conflict);
+  result.warnings = std::move(run.warnings);
+  // A formula that the evidence decides has no component: nobody asked a method.
+  for (std::size_t q = 0; !wants_map && q < network.queries().size(); ++q) {
+    const Literal literal = network.queries()[q].literal;
+    if (literal.is_constant()) run.marginals[q] = {literal == Literal::constant(true) ? 1.0 : 0.0, {}, {}, {}};
+  }
+  // Fitted biases make another distribution of the same worlds, whose partition sum says nothing about the model.
+  if (run.log_partition && result.termination == Termination::kCompleted && biases.empty()) {
+    result.log_partition = *run.log_partition + network.constant_score() + network.free_log_count();
+  }
+  if (wants_map) {
+    if (!run.values.empty()) {
+      MapSolution solution;
+      solution.values = std::move(run.values);
+      solution.log_score = run.map_score + network.constant_score();
+      solution.gap = std::max(0.0, run.map_bound - run.map_score);
+      // Sums of weights in different orders differ by rounding; a gap below that is none.
+      const double rounding = 1e-9 * (1.0 + std::abs(run.map_score));
+      if (solution.gap <= rounding) solution.gap = 0.0;
+      solution.optimal = solution.gap == 0.0;
+      result.map = std::move(solution);
+    }
+  } else if (result.termination != Termination::kNoPossibleWorld && result.termination != Termination::kRefused) {
+    result.marginals = std::move(run.marginals);
+    const bool sampled = std::ranges::any_of(result.marginals, [](const Marginal& m) { return m.mcse.has_value(); });
+    if (sampled) {
+      result.diagnostics = judge(result.marginals, options.chains);
+      if (!result.diagnostics->converged) {
+        result.warnings.push_back(fmt::format(
+            "{} of {} marginals have not converged (largest R-hat {:.3f}, smallest ESS {:.0f}): take more --samples, or another method",
+            result.diagnostics->not_converged, result.marginals.size(), result.diagnostics->rhat_max, result.diagnostics->ess_min));
+      }
+    }
+  }
+  result.seconds = stop.seconds();
+  return result;
+}
+
+}  // namespace sherlog

@@ -1,0 +1,341 @@
+#include "inference/sampler.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <memory>
+#include <thread>
+
+#include "inference/at_most_one.h"
+#include "inference/block_cover.h"
+#include "inference/chain_diagnostics.h"
+#include "inference/conflict.h"
+#include "inference/ergodicity.h"
+#include "inference/propagation.h"
+#include "inference/sample_sat.h"
+#include "inference/slice.h"
+
+namespace sherlog {
+namespace {
+
+constexpr std::size_t kRecordBytes = std::size_t{1} << 29;  // for draws kept for the diagnostics, all chains together
+constexpr std::uint64_t kStartFlips = 200;                  // of local search for a first world, for each variable
+constexpr int kStartTries = 20;
+constexpr std::uint64_t kConflictDecisions = 1000000;
+
+// What all chains share: read only once made.
+struct Plan {
+  struct Component {
+    std::vector<VariableId> variables;
+    BlockCover cover;
+    bool jump = false;  // hard formulas may lock single moves in
+  };
+  GroundNetwork network;  // pairwise exclusions folded into at-most-one gates
+  std::vector<std::uint32_t> queries;
+  std::vector<Component> components;
+  std::vector<VariableId> variables;
+  std::unique_ptr<WorldIndex> index;
+};
+
+// Rewrites cliques of pairwise exclusions. Component numbers may change, variables do not.
+GroundNetwork fold(const GroundNetwork& network, std::span<const ComponentId> components) {
+  std::vector<std::vector<Literal>> groups;
+  std::vector<std::uint32_t> covered;
+  for (ComponentId c : components) {
+    if (network.component_constraints(c).size() < 3) continue;
+    const AtMostOne found = find_at_most_one(network, c);
+    for (const auto& group : found.groups) {
+      std::vector<Literal> literals;
+      for (const VariableValue& v : group) {
+        const AtomId first = network.first_atom(v.variable);
+        literals.push_back(v.value < network.candidate_count(v.variable) ? Literal::atom(AtomId(first.value + v.value))
+                                                                          : Literal::atom(first, true));
+      }
+      groups.push_back(std::move(literals));
+    }
+    covered.insert(covered.end(), found.covered.begin(), found.covered.end());
+  }
+  return groups.empty() ? network : fold_at_most_one(network, groups, covered);
+}
+
+Plan make_plan(const MethodContext& context, Kernel kernel) {
+  Plan plan;
+  plan.network = fold(context.network, context.components);
+  const GroundNetwork& n = plan.network;
+  plan.index = std::make_unique<WorldIndex>(n, context.atom_bias);
+  std::vector<ComponentId> components;
+  for (ComponentId c : context.components) {
+    for (VariableId v : context.network.component_variables(c)) components.push_back(n.component_of(v));
+  }
+  std::ranges::sort(components);
+  components.erase(std::unique(components.begin(), components.end()), components.end());
+  for (ComponentId c : components) {
+    Plan::Component part;
+    const auto variables = n.component_variables(c);
+    part.variables.assign(variables.begin(), variables.end());
+    part.cover = cover_component(*plan.index, variables, context.options.seed);
+    part.jump = kernel == Kernel::kMcSat && !part.cover.whole && !n.component_constraints(c).empty() &&
+                !single_moves_reach_every_world(n, c);
+    plan.variables.insert(plan.variables.end(), variables.begin(), variables.end());
+    const auto queries = n.component_queries(c);
+    plan.queries.insert(plan.queries.end(), queries.begin(), queries.end());
+    plan.components.push_back(std::move(part));
+  }
+  std::ranges::sort(plan.queries);
+  return plan;
+}
+
+class Chain {
+ public:
+  Chain(const Plan& plan, const InferenceOptions& options, Kernel kernel, std::uint32_t number)
+      : plan_(plan), world_(*plan.index), rng_(options.seed, number), number_(number), kernel_(kernel) {
+    for (const Constraint& c : plan.network.constraints()) {
+      // What was not asked about stays where it is.
+      world_.set_demand(plan.index->node(c.literal), 0);
+    }
+    for (const auto& component : plan.components) {
+      parts_.push_back({component.cover.blocks, nullptr, 0, 0.0});
+      if (component.cover.whole) continue;
+      Part& part = parts_.back();
+      if (kernel == Kernel::kMcSat) part.slice = std::make_unique<SliceStep>(*plan.index, component.variables, component.jump);
+      // A unit of work: one use of an atom by a gate.
+      for (VariableId v : component.variables) {
+        for (std::uint32_t i = 0; i < plan.network.candidate_count(v); ++i) {
+          part.sweep_cost += 1.0 + static_cast<double>(plan.index->uses(plan.network.first_atom(v).value + i).size());
+        }
+      }
+    }
+  }
+
+  // A first world that meets the hard formulas. `opposite`: start as far from that world as possible. 0: found, else the
+  // number of the component (plus one) that seems to have none.
+  std::size_t start(const StopCondition& stop) {
+    for (std::size_t c = 0; c < parts_.size(); ++c) {
+      const auto& component = plan_.components[c];
+      for (VariableId v : component.variables) demand_hard(v);
+    }
+    scatter();
+    for (std::size_t c = 0; c < parts_.size(); ++c) {
+      const auto& component = plan_.components[c];
+      if (component.cover.whole) {
+        if (!parts_[c].blocks[0].draw(world_, rng_)) return c + 1;
+        continue;
+      }
+      bool found = broken_in(component.variables) == 0;
+      for (int attempt = 0; !found && attempt < kStartTries && !stop.reached(); ++attempt) {
+        if (attempt > 0) {
+          for (VariableId v : component.variables) world_.set(v, rng_.below(plan_.network.value_count(v)));
+        }
+        found = sample_sat(world_, rng_, component.variables, kStartFlips * component.variables.size() + 10000);
+      }
+      if (!found) return c + 1;
+    }
+    return 0;
+  }
+
+  void sweep() {
+    for (std::size_t c = 0; c < parts_.size(); ++c) {
+      Part& part = parts_[c];
+      const auto& component = plan_.components[c];
+      if (component.cover.whole) {
+        part.blocks[0].draw(world_, rng_);
+        continue;
+      }
+      if (part.slice) part.slice->step(world_, rng_);
+      for (VariableId v : component.variables) gibbs_step(world_, v, rng_, false, scratch_);
+      if (part.blocks.empty()) continue;
+      for (double spent = 0.0; spent < kBlockShare * part.sweep_cost;) {
+        JointBlock& block = part.blocks[part.next_block];
+        block.draw(world_, rng_);
+        spent += block.cost();
+        part.next_block = (part.next_block + 1) % part.blocks.size();
+      }
+    }
+  }
+
+  World& world() { return world_; }
+
+ private:
+  struct Part {
+    std::vector<JointBlock> blocks;
+    std::unique_ptr<SliceStep> slice;
+    std::size_t next_block = 0;
+    double sweep_cost = 0.0;
+  };
+  static constexpr double kBlockShare = 4.0;
+
+  void demand_hard(VariableId v) {
+    for (std::uint32_t i = 0; i < plan_.network.candidate_count(v); ++i) demand_above(plan_.network.first_atom(v).value + i);
+  }
+  void demand_above(std::uint32_t node) {
+    if (plan_.index->demand(node) != 0 && world_.demand(node) == 0) world_.set_demand(node, plan_.index->demand(node));
+    for (const WorldIndex::Use& use : plan_.index->uses(node)) demand_above(plan_.index->gate_node(use.gate));
+  }
+  std::size_t broken_in(const std::vector<VariableId>&) const { return world_.broken().size(); }
+
+  // Chains 0 and 1 (2 and 3, ...) start from opposite values; the first pair from all false and all true.
+  void scatter() {
+    Rng shared(0x5ca77e5, number_ / 2);
+    for (VariableId v : plan_.variables) {
+      const std::uint32_t values = plan_.network.value_count(v);
+      std::uint32_t value = number_ < 2 ? values - 1 : shared.below(values);
+      if (number_ % 2 == 1) value = number_ == 1 ? 0 : (value + 1 + shared.below(values - 1 == 0 ? 1 : values - 1)) % values;
+      world_.set(v, value);
+    }
+  }
+
+  const Plan& plan_;
+  World world_;
+  Rng rng_;
+  std::uint32_t number_;
+  Kernel kernel_;
+  std::vector<Part> parts_;
+  std::vector<double> scratch_;
+};
+
+// How many draws each chain keeps, and every which of them goes to the diagnostics.
+struct Schedule {
+  std::uint32_t draws = 0;
+  std::uint32_t thin = 1;
+};
+
+Schedule make_schedule(const InferenceOptions& options, std::size_t queries) {
+  Schedule schedule;
+  schedule.draws = std::max(1u, (options.samples + options.chains - 1) / options.chains);
+  const std::size_t budget = std::min(kRecordBytes, options.max_memory / 4);
+  const double bytes = static_cast<double>(queries) * options.chains * (schedule.draws / 8.0);
+  schedule.thin = static_cast<std::uint32_t>(std::max(1.0, std::ceil(bytes / static_cast<double>(std::max<std::size_t>(budget, 1)))));
+  return schedule;
+}
+
+struct ChainRecord {
+  std::unique_ptr<BinaryRecorder> recorder;
+  std::vector<std::uint32_t> counts;  // true draws by query
+  std::uint32_t draws = 0;
+  std::size_t failed_component = 0;
+};
+
+void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, std::uint32_t number, const Schedule& schedule,
+               std::atomic<std::uint64_t>& done, ChainRecord& record) {
+  Chain chain(plan, context.options, kernel, number);
+  record.counts.assign(plan.queries.size(), 0);
+  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), schedule.draws / schedule.thin + 1);
+  record.failed_component = chain.start(context.stop);
+  if (record.failed_component != 0) return;
+  const std::uint32_t total = context.options.burn_in + schedule.draws;
+  for (std::uint32_t i = 0; i < total && !context.stop.reached(); ++i) {
+    chain.sweep();
+    if (i >= context.options.burn_in) {
+      const bool keep = record.draws % schedule.thin == 0;
+      for (std::size_t q = 0; q < plan.queries.size(); ++q) {
+        const bool value = chain.world().is_true(plan.network.queries()[plan.queries[q]].literal);
+        record.counts[q] += value ? 1u : 0u;
+        if (keep) record.recorder->record(q, value);
+      }
+      if (keep) record.recorder->next_draw();
+      ++record.draws;
+    }
+    const std::uint64_t so_far = ++done;
+    if ((so_far & 63u) == 0) {
+      context.stop.monitor().progress("sampling", static_cast<double>(so_far),
+                                      static_cast<double>(total) * context.options.chains);
+    }
+  }
+  record.recorder->finish();
+}
+
+// Nobody found a world: either there is none, and then propagation or search can say why, or it is only hard to find.
+MethodResult explain_failure(const MethodContext& context, const Plan& plan, std::size_t component) {
+  MethodResult result;
+  const VariableId v = plan.components[component - 1].variables.front();
+  const auto constraints = context.network.component_constraints(context.network.component_of(v));
+  const auto found = check_constraints(context.network, constraints, kConflictDecisions, context.stop);
+  if (found && !found->possible) {
+    result.termination = Termination::kNoPossibleWorld;
+    result.conflict = small_conflict(context.network, found->core, context.stop);
+    result.message = "the hard formulas contradict each other";
+  } else {
+    result.termination = context.stop.reached() ? context.stop.reason() : Termination::kTimeLimit;
+    result.message = "no world that meets the hard formulas was found; 'exact' or 'map' may settle whether there is one";
+  }
+  return result;
+}
+
+void summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records, std::vector<Marginal>& marginals) {
+  std::uint32_t kept = UINT32_MAX;
+  for (const ChainRecord& r : records) kept = std::min(kept, r.recorder->draws());
+  for (std::size_t q = 0; q < plan.queries.size(); ++q) {
+    std::vector<std::span<const std::uint64_t>> chains;
+    double count = 0.0, draws = 0.0;
+    for (const ChainRecord& r : records) {
+      chains.push_back(r.recorder->of(q));
+      count += r.counts[q];
+      draws += r.draws;
+    }
+    const BinarySummary summary = summarize(chains, kept);
+    marginals[plan.queries[q]] = {draws > 0.0 ? count / draws : 0.0, summary.mcse, summary.ess, summary.rhat};
+  }
+}
+
+}  // namespace
+
+MethodResult sample(const MethodContext& context, Kernel kernel) {
+  MethodResult result;
+  result.marginals.resize(context.network.queries().size());
+  if (context.components.empty()) return result;
+  if (kernel == Kernel::kGibbs) {
+    for (ComponentId c : context.components) {
+      if (context.network.component_constraints(c).empty() || single_moves_reach_every_world(context.network, c)) continue;
+      result.termination = Termination::kRefused;
+      const Constraint& example = context.network.constraints()[context.network.component_constraints(c).front()];
+      result.message = fmt::format(
+          "gibbs cannot reach every possible world by changing one variable at a time, because of hard formulas such as '{}'; "
+          "use --method mcsat, or exact",
+          context.network.literal_text(example.literal, 120));
+      return result;
+    }
+  }
+  const Plan plan = make_plan(context, kernel);
+  const Schedule schedule = make_schedule(context.options, plan.queries.size());
+  std::vector<ChainRecord> records(context.options.chains);
+  std::atomic<std::uint32_t> next{0};
+  std::atomic<std::uint64_t> done{0};
+  const auto work = [&] {
+    for (std::uint32_t c = next++; c < records.size(); c = next++) run_chain(plan, context, kernel, c, schedule, done, records[c]);
+  };
+  const std::uint32_t hardware = std::max(1u, std::thread::hardware_concurrency());
+  const std::uint32_t threads = std::min(context.options.threads == 0 ? hardware : context.options.threads, context.options.chains);
+  std::vector<std::jthread> pool;
+  for (std::uint32_t t = 1; t < threads; ++t) pool.emplace_back(work);
+  work();
+  pool.clear();
+
+  for (const ChainRecord& r : records) {
+    if (r.failed_component != 0) {
+      MethodResult failure = explain_failure(context, plan, r.failed_component);
+      failure.marginals = std::move(result.marginals);
+      return failure;
+    }
+  }
+  // A limit may have kept some chains from starting: those that have draws speak.
+  std::erase_if(records, [](const ChainRecord& r) { return r.draws == 0; });
+  if (records.empty()) {
+    result.termination = context.stop.reached() ? context.stop.reason() : Termination::kTimeLimit;
+    result.message = "stopped before the first draw";
+    return result;
+  }
+  summarize_queries(plan, records, result.marginals);
+  if (context.stop.reached()) {
+    std::uint64_t draws = 0;
+    for (const ChainRecord& r : records) draws += r.draws;
+    if (draws < std::uint64_t{schedule.draws} * context.options.chains) {
+      result.termination = context.stop.reason();
+      result.message = fmt::format("stopped after {} of {} draws", draws, std::uint64_t{schedule.draws} * context.options.chains);
+    }
+  }
+  return result;
+}
+
+}  // namespace sherlog

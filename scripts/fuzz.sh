@@ -1,0 +1,24 @@
+#!/bin/sh
+# Builds the fuzzers and runs each for some seconds. Usage: fuzz.sh SECONDS JOBS
+# libFuzzer where clang is there or can be installed; else the same functions under a driver of our own.
+set -eu
+cd "$(dirname "$0")/.."
+seconds="${1:-60}"
+jobs="${2:-2}"
+
+preset=fuzz
+if ! command -v clang++ >/dev/null && ! scripts/setup.sh fuzz; then
+  echo "fuzz: no clang; using the standalone driver" >&2
+  preset=fuzz-standalone
+fi
+cmake --preset "$preset"
+cmake --build --preset "$preset" -j "$jobs"
+
+mkdir -p build/fuzz/work
+for source in tests/fuzz/*_fuzz.cpp; do
+  name="$(basename "$source" .cpp)"
+  mkdir -p "build/fuzz/work/$name"
+  echo "fuzz: $name for $seconds seconds"
+  (cd build/fuzz/work && "../tests/$name" -max_total_time="$seconds" -timeout=20 -max_len=4096 "$name" \
+    ../../../tests/fuzz/corpus ../../../tests/regression)
+done

@@ -1,0 +1,22 @@
+// All of Sherlog's public interface: models and evidence in, a ground network between, answers out.
+//
+//   parse_model -> Model ─┐
+//   parse_evidence ───────┼─ ground -> GroundNetwork ─ infer -> InferenceResult
+//   parse_query ──────────┘
+//
+// examples/infer_in_ten_lines.cpp is a whole program.
+#pragma once
+
+#include "grounding/export.h"
+#include "grounding/ground.h"
+#include "grounding/network.h"
+#include "inference/explain.h"
+#include "inference/inference.h"
+#include "mln/convert.h"
+#include "mln/diagnostics.h"
+#include "mln/evidence.h"
+#include "mln/model.h"
+#include "mln/monitor.h"
+#include "mln/parser.h"
+#include "mln/printer.h"
+#include "mln/query.h"
