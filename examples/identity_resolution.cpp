@@ -1,8 +1,8 @@
 // Which object seen now is which object seen before? The shipped model of object identity on a kitchen scene.
 //
-// Two equal blue plates and a mug; one of the plates was moved between two looks. The evidence is graded: how alike does each
-// pair look, and how close are the places. The program prints the belief about each pair and then the one most probable
-// explanation of the whole scene.
+// Two equal blue plates and a mug; one of the plates was moved between two looks. The evidence is graded: how
+// alike does each pair look, and how close are the places. The program prints the belief about each pair and then
+// the one most probable explanation of the whole scene.
 //
 // Usage: identity_resolution [FOLDER WITH THE MODELS]
 #include <cstdio>

@@ -1,7 +1,8 @@
-// What is on the table? Several annotators saw shape, colour and signs; the shipped fusion model joins their hints.
+// What is on the table? Several annotators saw shape, colour and signs; the shipped fusion model joins their
+// hints.
 //
-// The program prints the three most probable classes of each thing in a breakfast scene. Then it asks the question the other way
-// round: if that box is a box of cereals, which sign should a closer look find?
+// The program prints the three most probable classes of each thing in a breakfast scene. Then it asks the question
+// the other way round: if that box is a box of cereals, which sign should a closer look find?
 //
 // Usage: information_fusion [FOLDER WITH THE MODELS]
 #include <algorithm>
@@ -66,7 +67,7 @@ int main(int argc, char** argv) {
   const auto model = sherlog::parse_model_file(folder + "fusion.mln", diagnostics);
   if (!model) return std::fputs(diagnostics.render().c_str(), stderr), 2;
 
-  // All things of the scene are classified together: the sign of Kellogg's on one box makes the white box beside it milk.
+  // All things of the scene are classified together: the sign of Kellogg's on one box helps the white box to be milk.
   const auto classes = ask(*model, folder + "breakfast_scene.db", "object");
   if (!classes) return 2;
   std::printf("what is on the table\n");

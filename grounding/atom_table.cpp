@@ -79,9 +79,9 @@ void AtomTable::set_up(PredicateId id) {
     if (!empty_block_) empty_block_ = EmptyBlock{id, {}};
     return;
   }
-  state.default_code = !state.starts_open                                               ? atom_code::kFalse
+  state.default_code = !state.starts_open                                     ? atom_code::kFalse
                        : state.block == BlockKind::kExactlyOne && values == 1 ? atom_code::kTrue
-                                                                                        : atom_code::kOpen;
+                                                                              : atom_code::kOpen;
   allocate(state, stated.size());
   state_atoms(stated, state);
   if (state.block == BlockKind::kNone) {
@@ -171,7 +171,8 @@ void AtomTable::decide_blocks(PredicateId id, const PredicateEvidence& stated, S
 }
 
 // `truth`: the stated atom that is true, or kNone; `any`: some stated atom of the block.
-void AtomTable::decide_block(PredicateId id, std::uint32_t block, std::uint32_t truth, std::uint32_t any, State& state) {
+void AtomTable::decide_block(PredicateId id, std::uint32_t block, std::uint32_t truth, std::uint32_t any,
+                             State& state) {
   const PredicateEvidence& stated = evidence_.of(id);
   const auto sample = stated_arguments(stated, truth != TupleTable::kNone ? truth : any, state.arity);
   std::vector<ConstantIndex> arguments(sample.begin(), sample.end());
@@ -255,7 +256,9 @@ std::uint32_t AtomTable::sparse_code(const State& state, std::span<const Constan
   const std::uint32_t entry = state.stored.find(arguments);
   if (entry != TupleTable::kNone) return state.stored_codes[entry];
   if (state.block != BlockKind::kNone && state.touched.size() > 0) {
-    const std::uint32_t block = state.touched.find(block_key(state, arguments));
+    block_scratch_.clear();
+    for (std::uint32_t position : state.unmarked) block_scratch_.push_back(arguments[position]);
+    const std::uint32_t block = state.touched.find(block_scratch_);
     if (block != TupleTable::kNone && state.touched_has_true[block]) return atom_code::kFalse;
   }
   return state.default_code;
@@ -268,7 +271,8 @@ std::vector<ConstantIndex> AtomTable::block_key(const State& state, std::span<co
   return key;
 }
 
-std::vector<ConstantIndex> AtomTable::open_candidates(const State& state, std::span<const ConstantIndex> arguments) const {
+std::vector<ConstantIndex> AtomTable::open_candidates(const State& state,
+                                                      std::span<const ConstantIndex> arguments) const {
   std::vector<ConstantIndex> atom(arguments.begin(), arguments.end()), result;
   for_each_choice(atom, state.marked, state.sizes, [&](const auto& a) {
     const std::uint32_t code = state.dense ? state.cells[address(state, a)] : sparse_code(state, a);
@@ -305,7 +309,8 @@ std::uint32_t AtomTable::materialised_code(PredicateId predicate, std::span<cons
   const VariableId variable = builder_.add_variable(predicate, atoms, count, state.block != BlockKind::kExactlyOne);
   state.unmade[count] -= 1;
   for (std::uint32_t i = 0; i < count; ++i) {
-    set(state, atoms.subspan(i * state.arity, state.arity), atom_code::kFirst + builder_.first_atom(variable).value + i);
+    set(state, atoms.subspan(i * state.arity, state.arity),
+        atom_code::kFirst + builder_.first_atom(variable).value + i);
   }
   return code(predicate, arguments);
 }
@@ -323,7 +328,8 @@ const AtomIndex& AtomTable::index(PredicateId predicate, const std::vector<std::
   index.keys = TupleTable(key_positions.size());
   std::uint64_t stride = 1;
   index.key_strides.assign(key_positions.size(), 0);
-  for (std::size_t i = key_positions.size(); i-- > 0; stride *= state.sizes[key_positions[i]]) index.key_strides[i] = stride;
+  for (std::size_t i = key_positions.size(); i-- > 0; stride *= state.sizes[key_positions[i]])
+    index.key_strides[i] = stride;
 
   std::vector<std::uint32_t> group(rows);
   std::vector<ConstantIndex> key(key_positions.size());
@@ -367,7 +373,8 @@ std::size_t AtomTable::memory_bytes() const {
   for (const State& state : states_) {
     bytes += (state.cells.capacity() + state.stored_codes.capacity() + state.listed.capacity()) * 4;
     bytes += state.stored.memory_bytes() + state.touched.memory_bytes();
-    for (const auto& [mask, index] : state.indexes) bytes += (index->rows.size() + index->start.size()) * 4 + index->decided.size();
+    for (const auto& [mask, index] : state.indexes)
+      bytes += (index->rows.size() + index->start.size()) * 4 + index->decided.size();
   }
   return bytes;
 }

@@ -14,7 +14,8 @@ namespace {
 
 class GroundPrinter {
  public:
-  GroundPrinter(const Model& model, const Evidence& evidence, const Formula& formula, std::span<const ConstantIndex> values)
+  GroundPrinter(const Model& model, const Evidence& evidence, const Formula& formula,
+                std::span<const ConstantIndex> values)
       : model_(model), evidence_(evidence), formula_(formula), values_(values) {}
 
   std::string text(const FormulaNode& node) const { return print(node, kLoosest); }
@@ -24,11 +25,16 @@ class GroundPrinter {
 
   static int tightness(NodeKind kind) {
     switch (kind) {
-      case NodeKind::kIff: return kIff;
-      case NodeKind::kImplies: return kImplies;
-      case NodeKind::kOr: return kOr;
-      case NodeKind::kAnd: return kAnd;
-      default: return kNot;
+      case NodeKind::kIff:
+        return kIff;
+      case NodeKind::kImplies:
+        return kImplies;
+      case NodeKind::kOr:
+        return kOr;
+      case NodeKind::kAnd:
+        return kAnd;
+      default:
+        return kNot;
     }
   }
 
@@ -70,21 +76,30 @@ class GroundPrinter {
         }
         return result + ")";
       }
-      case NodeKind::kEqual: return sides(node, " = ");
-      case NodeKind::kLess: return sides(node, " < ");
-      case NodeKind::kLessEqual: return sides(node, " <= ");
+      case NodeKind::kEqual:
+        return sides(node, " = ");
+      case NodeKind::kLess:
+        return sides(node, " < ");
+      case NodeKind::kLessEqual:
+        return sides(node, " <= ");
       case NodeKind::kNot:
         if (node.children[0].kind == NodeKind::kEqual) return sides(node.children[0], " != ");
         if (node.children[0].kind == NodeKind::kLess || node.children[0].kind == NodeKind::kLessEqual) {
           return "!(" + bare(node.children[0]) + ")";
         }
         return "!" + print(node.children[0], kNot);
-      case NodeKind::kAnd: return joined(node, " ^ ", kAnd + 1);
-      case NodeKind::kOr: return joined(node, " v ", kOr + 1);
-      case NodeKind::kImplies: return print(node.children[0], kImplies + 1) + " => " + print(node.children[1], kImplies);
-      case NodeKind::kIff: return joined(node, " <=> ", kIff + 1);
-      case NodeKind::kExists: return quantified(node, "EXIST");
-      case NodeKind::kForall: return quantified(node, "FORALL");
+      case NodeKind::kAnd:
+        return joined(node, " ^ ", kAnd + 1);
+      case NodeKind::kOr:
+        return joined(node, " v ", kOr + 1);
+      case NodeKind::kImplies:
+        return print(node.children[0], kImplies + 1) + " => " + print(node.children[1], kImplies);
+      case NodeKind::kIff:
+        return joined(node, " <=> ", kIff + 1);
+      case NodeKind::kExists:
+        return quantified(node, "EXIST");
+      case NodeKind::kForall:
+        return quantified(node, "FORALL");
     }
     return "";
   }
@@ -118,11 +133,9 @@ class Explainer {
 
   // Atoms that evidence decides and that suffice to make the formula false.
   AtomSet reasons() {
+    // Where it took the rules of blocks as well: all that is known of its atoms.
+    if (value(formula_.root) != Truth::kFalse) return decided_atoms();
     AtomSet result;
-    if (value(formula_.root) != Truth::kFalse) {  // it took the rules of blocks as well: all that is known of its atoms
-      collect(formula_.root, result);
-      return result;
-    }
     support(formula_.root, Truth::kFalse, result);
     if (result.size() > kMostToShrink) return result;
     only_ = result;
@@ -131,6 +144,13 @@ class Explainer {
       if (value(formula_.root) != Truth::kFalse) only_->insert(atom);
     }
     return *only_;
+  }
+
+  // All of its atoms that evidence decides, up to a limit.
+  AtomSet decided_atoms() {
+    AtomSet result;
+    collect(formula_.root, result);
+    return result;
   }
 
  private:
@@ -158,7 +178,8 @@ class Explainer {
       const std::string& name = evidence_.constant_name(model_, node.domain, c);
       double result = 0;
       const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), result);
-      return error == std::errc() && end == name.data() + name.size() ? result : std::numeric_limits<double>::quiet_NaN();
+      return error == std::errc() && end == name.data() + name.size() ? result
+                                                                      : std::numeric_limits<double>::quiet_NaN();
     };
     return truth_of(node.kind == NodeKind::kLess ? number(left) < number(right) : number(left) <= number(right));
   }
@@ -188,13 +209,18 @@ class Explainer {
 
   Truth value(const FormulaNode& node) {
     switch (node.kind) {
-      case NodeKind::kAtom: return atom_value(node);
+      case NodeKind::kAtom:
+        return atom_value(node);
       case NodeKind::kEqual:
       case NodeKind::kLess:
-      case NodeKind::kLessEqual: return compared(node);
-      case NodeKind::kNot: return opposite(value(node.children[0]));
-      case NodeKind::kAnd: return any_of(node, Truth::kFalse);
-      case NodeKind::kOr: return any_of(node, Truth::kTrue);
+      case NodeKind::kLessEqual:
+        return compared(node);
+      case NodeKind::kNot:
+        return opposite(value(node.children[0]));
+      case NodeKind::kAnd:
+        return any_of(node, Truth::kFalse);
+      case NodeKind::kOr:
+        return any_of(node, Truth::kTrue);
       case NodeKind::kImplies: {
         const Truth body = value(node.children[0]);
         if (body == Truth::kFalse) return Truth::kTrue;
@@ -224,8 +250,12 @@ class Explainer {
   // Adds atoms that suffice to give the node the value `t`, which it has.
   void support(const FormulaNode& node, Truth t, AtomSet& atoms) {
     switch (node.kind) {
-      case NodeKind::kAtom: atoms.insert(ground(node)); return;
-      case NodeKind::kNot: support(node.children[0], opposite(t), atoms); return;
+      case NodeKind::kAtom:
+        atoms.insert(ground(node));
+        return;
+      case NodeKind::kNot:
+        support(node.children[0], opposite(t), atoms);
+        return;
       case NodeKind::kAnd:
       case NodeKind::kOr: {
         const bool one_is_enough = (node.kind == NodeKind::kOr) == (t == Truth::kTrue);
@@ -238,7 +268,8 @@ class Explainer {
       }
       case NodeKind::kImplies:
         if (t == Truth::kFalse || value(node.children[0]) != Truth::kFalse) support(node.children[1], t, atoms);
-        if (t == Truth::kFalse || value(node.children[0]) == Truth::kFalse) support(node.children[0], opposite(t), atoms);
+        if (t == Truth::kFalse || value(node.children[0]) == Truth::kFalse)
+          support(node.children[0], opposite(t), atoms);
         return;
       case NodeKind::kIff:
         for (const FormulaNode& child : node.children) support(child, value(child), atoms);
@@ -253,7 +284,8 @@ class Explainer {
         });
         return;
       }
-      default: return;
+      default:
+        return;
     }
   }
 
@@ -294,13 +326,15 @@ class Items {
     const Predicate& predicate = model_.predicate(id);
     const PredicateEvidence& stated = evidence_.of(id);
     for (std::size_t i = 0; i < stated.size(); ++i) {
-      if (std::ranges::equal(stated_arguments(stated, i, predicate.arity()), arguments) && is_decision(stated.kinds[i])) {
+      if (std::ranges::equal(stated_arguments(stated, i, predicate.arity()), arguments) &&
+          is_decision(stated.kinds[i])) {
         add_line(id, i);
         return;
       }
     }
     if (closed && predicate.block != BlockKind::kExactlyOne) {
-      add({fmt::format("{} is not stated and {} is closed", atom_text(model_, evidence_, id, arguments), predicate.name),
+      add({fmt::format("{} is not stated and {} is closed", atom_text(model_, evidence_, id, arguments),
+                       predicate.name),
            predicate.place, false});
       // The place of the declaration belongs to the model: an item of the evidence has none.
       items_.back().place = Place{};
@@ -319,7 +353,8 @@ class Items {
     for (std::size_t i = 0; i < stated.size(); ++i) {
       const auto other = stated_arguments(stated, i, predicate.arity());
       bool same_block = true;
-      for (std::size_t k = 0; k < other.size(); ++k) same_block = same_block && (predicate.marked[k] || other[k] == arguments[k]);
+      for (std::size_t k = 0; k < other.size(); ++k)
+        same_block = same_block && (predicate.marked[k] || other[k] == arguments[k]);
       if (!same_block) continue;
       if (stated.kinds[i] == EvidenceKind::kTrue) {
         add_line(id, i);
@@ -352,8 +387,8 @@ class Items {
   void add_line(PredicateId id, std::size_t i) {
     const PredicateEvidence& stated = evidence_.of(id);
     const auto arguments = stated_arguments(stated, i, model_.predicate(id).arity());
-    add({(stated.kinds[i] == EvidenceKind::kFalse ? "!" : "") + atom_text(model_, evidence_, id, arguments), stated.places[i],
-         false});
+    add({(stated.kinds[i] == EvidenceKind::kFalse ? "!" : "") + atom_text(model_, evidence_, id, arguments),
+         stated.places[i], false});
   }
 
   const Model& model_;
@@ -378,6 +413,25 @@ Conflict conflict_of_formula(const Model& model, const Evidence& evidence, const
   return items.finish(reasons.empty() ? "a hard formula can never hold" : "the evidence contradicts a hard formula");
 }
 
+Conflict conflict_of_formulas(const Model& model, const Evidence& evidence, const AtomTable& atoms,
+                              const std::vector<GroundFormula>& formulas) {
+  Items items(model, evidence);
+  for (const GroundFormula& ground : formulas) {
+    const Formula& formula = model.formula(ground.formula);
+    items.add({ground_formula_text(model, evidence, formula, ground.by_variable), formula.place, true});
+  }
+  bool evidence_matters = false;
+  for (const GroundFormula& ground : formulas) {
+    Explainer explainer(model, evidence, atoms, model.formula(ground.formula), ground.by_variable);
+    for (const auto& [predicate, arguments] : explainer.decided_atoms()) {
+      items.add_reason(predicate, arguments, !atoms.is_open(predicate));
+      evidence_matters = true;
+    }
+  }
+  return items.finish(evidence_matters ? "the evidence and the hard formulas contradict each other"
+                                       : "the hard formulas contradict each other");
+}
+
 Conflict conflict_of_block(const Model& model, const Evidence& evidence, const AtomTable::EmptyBlock& block) {
   const Predicate& predicate = model.predicate(block.predicate);
   Items items(model, evidence);
@@ -392,12 +446,13 @@ Conflict conflict_of_block(const Model& model, const Evidence& evidence, const A
     if (domain.empty() && predicate.marked[i] && empty) domain = model.domain(predicate.domains[i]).name;
   }
   items.add({predicate.name, predicate.place, true});
-  return items.finish(fmt::format("'{}' needs exactly one value from '{}', and that domain has no constants", predicate.name,
-                                  domain));
+  return items.finish(
+      fmt::format("'{}' needs exactly one value from '{}', and that domain has no constants", predicate.name, domain));
 }
 
-Conflict conflict_of_soft_atom(const Model& model, const Evidence& evidence, const AtomTable& atoms, PredicateId predicate,
-                               std::span<const ConstantIndex> arguments, double degree, const Place& place) {
+Conflict conflict_of_soft_atom(const Model& model, const Evidence& evidence, const AtomTable& atoms,
+                               PredicateId predicate, std::span<const ConstantIndex> arguments, double degree,
+                               const Place& place) {
   Items items(model, evidence);
   const std::string atom = atom_text(model, evidence, predicate, arguments);
   items.add({fmt::format("{:g} {}", degree, atom), place, false});

@@ -1,9 +1,10 @@
 // Model + Evidence + Query to GroundNetwork.
 //
-// Idea      Which predicates are open is read off the query and the options; AtomTable applies the evidence and the rules of
-//           blocks; FormulaJoin visits what is left of each formula, and NetworkBuilder simplifies and shares it. Ground
-//           formulas that the evidence makes true are counted from the sizes of the domains, not visited. Hard formulas
-//           come first, since one that is false ends the work; a hard conjunction is so many hard formulas.
+// Idea      Which predicates are open is read off the query and the options; AtomTable applies the evidence and the
+//           rules of blocks; FormulaJoin visits what is left of each formula, and NetworkBuilder simplifies and shares
+//           it. Ground formulas that the evidence makes true are counted from the sizes of the domains, not visited.
+//           Hard formulas come first, since one that is false ends the work; a hard conjunction is so many hard
+//           formulas.
 #include "grounding/ground.h"
 
 #include <fmt/format.h>
@@ -12,14 +13,15 @@
 #include <cmath>
 
 #include "grounding/conflict.h"
+#include "grounding/contradiction.h"
 #include "grounding/join.h"
 
 namespace sherlog {
 namespace {
 
-constexpr double kMostVisits = 2e10;        // about an hour
-constexpr double kBytesPerFeature = 48;     // a feature, its gate and its place in two hash tables, at least
-constexpr double kMostAtoms = 1 << 29;      // what a Literal can number
+constexpr double kMostVisits = 2e10;     // about an hour
+constexpr double kBytesPerFeature = 48;  // a feature, its gate and its place in two hash tables, at least
+constexpr double kMostAtoms = 1 << 29;   // what a Literal can number
 
 NameTable names_of(const Model& model, const Evidence& evidence) {
   NameTable names;
@@ -65,7 +67,8 @@ std::vector<std::uint32_t> outer_variables(const Formula& formula) {
 
 class Grounder {
  public:
-  Grounder(const Model& model, const Evidence& evidence, const Query& query, const GroundingOptions& options, Monitor& monitor)
+  Grounder(const Model& model, const Evidence& evidence, const Query& query, const GroundingOptions& options,
+           Monitor& monitor)
       : model_(model),
         evidence_(evidence),
         query_(query),
@@ -108,6 +111,7 @@ class Grounder {
       for (std::size_t f = 0; f < model_.formulas().size(); ++f) {
         if (model_.formulas()[f].hard == hard && !ground_formula(FormulaId(f))) return false;
       }
+      if (hard && contradiction()) return false;
     }
     return weigh_soft_evidence();
   }
@@ -138,7 +142,8 @@ class Grounder {
   }
 
   std::string described(const Formula& formula) const {
-    return fmt::format("'{}' ({})", formula.text, model_.sources().describe({formula.place.file, formula.place.line, 0, 0}));
+    return fmt::format("'{}' ({})", formula.text,
+                       model_.sources().describe({formula.place.file, formula.place.line, 0, 0}));
   }
 
   std::string where() const {
@@ -152,10 +157,12 @@ class Grounder {
     if (result_.termination != Termination::kCompleted) return false;
     if (stop_.interrupted()) return halt(Termination::kInterrupted, fmt::format("interrupted {}", where()));
     if (stop_.out_of_time()) {
-      return halt(Termination::kTimeLimit, fmt::format("the limit of {:g} seconds was reached {}", stop_.max_seconds(), where()));
+      return halt(Termination::kTimeLimit,
+                  fmt::format("the limit of {:g} seconds was reached {}", stop_.max_seconds(), where()));
     }
     if (atoms_.overflowed()) {
-      return halt(Termination::kMemoryLimit, fmt::format("more than {:.0f} open atoms are needed {}", kMostAtoms, where()));
+      return halt(Termination::kMemoryLimit,
+                  fmt::format("more than {:.0f} open atoms are needed {}", kMostAtoms, where()));
     }
     const std::size_t bytes = builder_.memory_bytes() + atoms_.memory_bytes();
     if (bytes > options_.max_memory) {
@@ -253,7 +260,9 @@ class Grounder {
   double grounding_count(const Formula& formula) const {
     double count = 1;
     std::vector<bool> grouped(formula.variables.size(), false);
-    const auto size_of = [&](std::uint32_t v) { return static_cast<double>(atoms_.domain_size(formula.variables[v].domain)); };
+    const auto size_of = [&](std::uint32_t v) {
+      return static_cast<double>(atoms_.domain_size(formula.variables[v].domain));
+    };
     for (const auto& group : formula.unique) {
       for (std::size_t i = 0; i < group.size(); ++i) {  // binomial coefficient
         count *= std::max(0.0, size_of(group[i]) - static_cast<double>(i)) / static_cast<double>(i + 1);
@@ -296,14 +305,16 @@ class Grounder {
     bool open = false;
     for (std::size_t p = 0; p < used.size(); ++p) open = open || (used[p] && atoms_.has_open_atoms(PredicateId(p)));
     if (visits > kMostVisits) {
-      return halt(Termination::kMemoryLimit, fmt::format("grounding {} would take about {:.3g} steps; at most {:.0e} are tried",
-                                                         described(formula), visits, kMostVisits));
+      return halt(Termination::kMemoryLimit,
+                  fmt::format("grounding {} would take about {:.3g} steps; at most {:.0e} are tried",
+                              described(formula), visits, kMostVisits));
     }
     if (open && join.expected_leaves() * kBytesPerFeature > static_cast<double>(options_.max_memory)) {
-      return halt(Termination::kMemoryLimit,
-                  fmt::format("grounding {} gives about {:.3g} ground formulas, which need {:.0f} MB; the limit is {:.0f} MB",
-                              described(formula), join.expected_leaves(), join.expected_leaves() * kBytesPerFeature / 1e6,
-                              static_cast<double>(options_.max_memory) / 1e6));
+      return halt(
+          Termination::kMemoryLimit,
+          fmt::format("grounding {} gives about {:.3g} ground formulas, which need {:.0f} MB; the limit is {:.0f} MB",
+                      described(formula), join.expected_leaves(), join.expected_leaves() * kBytesPerFeature / 1e6,
+                      static_cast<double>(options_.max_memory) / 1e6));
     }
     return true;
   }
@@ -369,6 +380,23 @@ class Grounder {
     return finished;
   }
 
+  // Whether the constraints refute each other by propagation alone.
+  bool contradiction() {
+    const GroundNetwork& network = builder_.so_far();
+    std::vector<GroundFormula> core;
+    for (std::uint32_t index : contradicting_constraints(network)) {
+      const Constraint& constraint = network.constraints()[index];
+      const Formula& formula = model_.formula(constraint.formula);
+      core.push_back({constraint.formula, std::vector<ConstantIndex>(formula.variables.size(), 0)});
+      const std::vector<std::uint32_t> outer = outer_variables(formula);
+      for (std::size_t i = 0; i < outer.size(); ++i)
+        core.back().by_variable[outer[i]] = network.binding(constraint.binding)[i];
+    }
+    if (core.empty()) return false;
+    fail(conflict_of_formulas(model_, evidence_, atoms_, core));
+    return true;
+  }
+
   // --- weights
 
   Instances prepare_instances(FormulaId id) {
@@ -432,7 +460,8 @@ class Grounder {
       const std::size_t arity = model_.predicates()[p].arity();
       for (std::size_t i = 0; i < stated.size(); ++i) {
         if (stated.kinds[i] != EvidenceKind::kSoft) continue;
-        if (!weigh_soft_atom(PredicateId(p), {stated.arguments.data() + i * arity, arity}, stated.degrees[i], stated.places[i])) {
+        if (!weigh_soft_atom(PredicateId(p), {stated.arguments.data() + i * arity, arity}, stated.degrees[i],
+                             stated.places[i])) {
           return false;
         }
       }
@@ -440,7 +469,8 @@ class Grounder {
     return true;
   }
 
-  bool weigh_soft_atom(PredicateId predicate, std::span<const ConstantIndex> arguments, double degree, const Place& place) {
+  bool weigh_soft_atom(PredicateId predicate, std::span<const ConstantIndex> arguments, double degree,
+                       const Place& place) {
     const std::uint32_t code = atoms_.materialised_code(predicate, arguments);
     if (atoms_.overflowed()) return keep_going();
     const bool is_virtual = options_.soft_evidence == SoftEvidence::kVirtual;
@@ -478,8 +508,8 @@ class Grounder {
 
 }  // namespace
 
-GroundingResult ground(const Model& model, const Evidence& evidence, const Query& query, const GroundingOptions& options,
-                       Monitor& monitor) {
+GroundingResult ground(const Model& model, const Evidence& evidence, const Query& query,
+                       const GroundingOptions& options, Monitor& monitor) {
   return Grounder(model, evidence, query, options, monitor).run();
 }
 

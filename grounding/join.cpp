@@ -39,8 +39,8 @@ FormulaJoin::FormulaJoin(NormalNode root, const Formula& formula, const std::vec
 
 // --- planning --------------------------------------------------------------------------------------------------------
 
-std::size_t FormulaJoin::make_plan(bool disjunctive, std::vector<NormalNode*> goals, const std::vector<std::uint32_t>& to_bind,
-                                   std::vector<bool>& bound) {
+std::size_t FormulaJoin::make_plan(bool disjunctive, std::vector<NormalNode*> goals,
+                                   const std::vector<std::uint32_t>& to_bind, std::vector<bool>& bound) {
   const std::size_t number = plans_.size();
   plans_.push_back(std::make_unique<JoinPlan>());
   JoinPlan& plan = *plans_.back();
@@ -76,7 +76,8 @@ void FormulaJoin::plan_inside(NormalNode& node, std::vector<bool>& bound) {
 
 void FormulaJoin::next_step(JoinPlan& plan, std::vector<std::uint32_t>& pending, std::vector<bool>& bound,
                             std::vector<bool>& consumed) {
-  if (!equality_step(plan, bound, consumed) && !scan_step(plan, bound, consumed)) domain_step(plan, pending, bound, consumed);
+  if (!equality_step(plan, bound, consumed) && !scan_step(plan, bound, consumed))
+    domain_step(plan, pending, bound, consumed);
   JoinPlan::Step& step = plan.steps.back();
   if (step.kind == JoinPlan::StepKind::kScan) {
     for (const auto& [position, variable] : step.binds) bound[variable] = true;
@@ -158,7 +159,8 @@ void FormulaJoin::domain_step(JoinPlan& plan, const std::vector<std::uint32_t>& 
       const bool completes = std::ranges::all_of(free, [&](std::uint32_t v) { return bound[v] || v == variable; });
       if (completes && std::ranges::binary_search(free, variable)) score += plan.goals[g]->is_literal() ? 2 : 1;
     }
-    if (score > best_score || (score == best_score && size_of(variable) < size_of(best))) best = variable, best_score = score;
+    if (score > best_score || (score == best_score && size_of(variable) < size_of(best)))
+      best = variable, best_score = score;
   }
   JoinPlan::Step step;
   step.kind = JoinPlan::StepKind::kDomain;
@@ -194,10 +196,18 @@ bool FormulaJoin::holds(const NormalNode& node) const {
   const ConstantIndex left = value(node.left), right = value(node.right);
   bool result = false;
   switch (node.shape) {
-    case NodeShape::kEqual: result = left == right; break;
-    case NodeShape::kLess: result = (*node.numbers)[left] < (*node.numbers)[right]; break;
-    case NodeShape::kLessEqual: result = (*node.numbers)[left] <= (*node.numbers)[right]; break;
-    default: result = left < right; break;
+    case NodeShape::kEqual:
+      result = left == right;
+      break;
+    case NodeShape::kLess:
+      result = (*node.numbers)[left] < (*node.numbers)[right];
+      break;
+    case NodeShape::kLessEqual:
+      result = (*node.numbers)[left] <= (*node.numbers)[right];
+      break;
+    default:
+      result = left < right;
+      break;
   }
   return result != node.negated;
 }
@@ -205,8 +215,10 @@ bool FormulaJoin::holds(const NormalNode& node) const {
 int FormulaJoin::decide(const NormalNode& node) const {
   constexpr int kUnknown = 2;
   switch (node.shape) {
-    case NodeShape::kTrue: return 1;
-    case NodeShape::kFalse: return 0;
+    case NodeShape::kTrue:
+      return 1;
+    case NodeShape::kFalse:
+      return 0;
     case NodeShape::kAtom: {
       const std::uint32_t code = atoms_.code(node.atom, values_.data());
       return code >= atom_code::kOpen ? kUnknown : (code == atom_code::kTrue) != node.negated ? 1 : 0;
@@ -227,8 +239,10 @@ int FormulaJoin::decide(const NormalNode& node) const {
       return left == kUnknown || right == kUnknown ? kUnknown : ((left == right) != node.negated ? 1 : 0);
     }
     case NodeShape::kExists:
-    case NodeShape::kForall: return kUnknown;
-    default: return holds(node) ? 1 : 0;
+    case NodeShape::kForall:
+      return kUnknown;
+    default:
+      return holds(node) ? 1 : 0;
   }
 }
 
@@ -286,11 +300,15 @@ Literal FormulaJoin::literal_of(const NormalNode& atom) {
 
 Literal FormulaJoin::evaluate(NormalNode& node) {
   switch (node.shape) {
-    case NodeShape::kTrue: return Literal::constant(true);
-    case NodeShape::kFalse: return Literal::constant(false);
-    case NodeShape::kAtom: return literal_of(node);
+    case NodeShape::kTrue:
+      return Literal::constant(true);
+    case NodeShape::kFalse:
+      return Literal::constant(false);
+    case NodeShape::kAtom:
+      return literal_of(node);
     case NodeShape::kAnd:
-    case NodeShape::kOr: return evaluate_connective(node);
+    case NodeShape::kOr:
+      return evaluate_connective(node);
     case NodeShape::kIff: {
       const Literal left = evaluate(node.children[0]);
       const Literal right = evaluate(node.children[1]);
@@ -298,8 +316,10 @@ Literal FormulaJoin::evaluate(NormalNode& node) {
       return node.negated ? ~both : both;
     }
     case NodeShape::kExists:
-    case NodeShape::kForall: return evaluate_quantifier(node);
-    default: return Literal::constant(holds(node));
+    case NodeShape::kForall:
+      return evaluate_quantifier(node);
+    default:
+      return Literal::constant(holds(node));
   }
 }
 

@@ -1,14 +1,14 @@
 // Grounds one formula: visits the assignments of its variables that the evidence does not decide at a glance.
 //
-// Idea      A disjunction is true wherever one disjunct is: only assignments under which no disjunct is decided true matter.
-//           A conjunction is false wherever one conjunct is. Both are conjunctive queries over goals: an atom that must not
-//           be false, one that must not be true, a comparison, or something nested that must not be decided. Goals on
-//           predicates whose atoms are listed generate bindings through an index; equalities bind one side by the other;
-//           variables that nothing generates run through their domain. The order is greedy: the generator with the fewest
-//           expected matches first. Every goal is tested as soon as its variables are bound, and what is left undecided at
-//           the end is the ground formula. Quantified subformulas are grounded the same way, inside.
-//           (Joins for grounding: Niu, Re, Doan & Shavlik, "Tuffy", VLDB 2011; ours run on indexes in memory, three-valued,
-//           and whole formulas rather than clauses come out.)
+// Idea      A disjunction is true wherever one disjunct is: only assignments under which no disjunct is decided true
+//           matter. A conjunction is false wherever one conjunct is. Both are conjunctive queries over goals: an atom
+//           that must not be false, one that must not be true, a comparison, or something nested that must not be
+//           decided. Goals on predicates whose atoms are listed generate bindings through an index; equalities bind one
+//           side by the other; variables that nothing generates run through their domain. The order is greedy: the
+//           generator with the fewest expected matches first. Every goal is tested as soon as its variables are bound,
+//           and what is left undecided at the end is the ground formula. Quantified subformulas are grounded the same
+//           way, inside. (Joins for grounding: Niu, Re, Doan & Shavlik, "Tuffy", VLDB 2011; ours run on indexes in
+//           memory, three-valued, and whole formulas rather than clauses come out.)
 // Cost      one step for each partial binding that survives; nothing is allocated in the loops.
 #pragma once
 
@@ -25,25 +25,26 @@ struct JoinPlan {
   enum class StepKind : std::uint8_t { kScan, kDomain, kEqual };
   struct Step {
     StepKind kind = StepKind::kDomain;
-    std::uint32_t variable = 0;               // kDomain, kEqual
-    std::uint32_t size = 0;                   // kDomain: of the domain
-    Term from;                                // kEqual
-    std::uint32_t goal = 0;                   // kScan
-    const AtomIndex* index = nullptr;         // kScan
-    std::size_t arity = 0;                    // kScan
-    std::vector<Term> key_terms;              // kScan: what is known of the atom
-    std::vector<ConstantIndex> key;           // kScan: its values
+    std::uint32_t variable = 0;                                  // kDomain, kEqual
+    std::uint32_t size = 0;                                      // kDomain: of the domain
+    Term from;                                                   // kEqual
+    std::uint32_t goal = 0;                                      // kScan
+    const AtomIndex* index = nullptr;                            // kScan
+    std::size_t arity = 0;                                       // kScan
+    std::vector<Term> key_terms;                                 // kScan: what is known of the atom
+    std::vector<ConstantIndex> key;                              // kScan: its values
     std::vector<std::pair<std::uint32_t, std::uint32_t>> binds;  // kScan: position, variable
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> same;   // kScan: position, variable bound by an earlier position
-    std::vector<std::uint32_t> checks;        // goals to test now
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> same;   // kScan: the same, bound by an earlier position
+    std::vector<std::uint32_t> checks;                           // goals to test now
   };
 
-  bool disjunctive = false;       // the goals are that the parts are not true, and what is left is their OR; else AND
+  bool disjunctive = false;  // the goals are that the parts are not true, and what is left is their OR; else AND
   std::vector<NormalNode*> goals;
   std::vector<std::uint32_t> first_checks;
   std::vector<Step> steps;
   double visits = 0, leaves = 0;  // expected
-  // Working memory: what is left of each goal (0: nothing, or an atom's code, or 1 for something nested), and their literals.
+  // Working memory: what is left of each goal (0: nothing, or an atom's code, or 1 for something nested), and their
+  // literals.
   std::vector<std::uint32_t> left_over;
   std::vector<Literal> literals;
 };
@@ -55,8 +56,9 @@ class FormulaJoin {
  public:
   // `root` is moved in. `outer`: the variables to be enumerated. `filters`: goals beside the formula.
   // `disjunctive`: unvisited assignments are those that the evidence makes true (else: false).
-  FormulaJoin(NormalNode root, const Formula& formula, const std::vector<std::uint32_t>& outer, std::vector<NormalNode> filters,
-              bool disjunctive, AtomTable& atoms, NetworkBuilder& builder, KeepGoing keep_going);
+  FormulaJoin(NormalNode root, const Formula& formula, const std::vector<std::uint32_t>& outer,
+              std::vector<NormalNode> filters, bool disjunctive, AtomTable& atoms, NetworkBuilder& builder,
+              KeepGoing keep_going);
   FormulaJoin(const FormulaJoin&) = delete;
   FormulaJoin& operator=(const FormulaJoin&) = delete;
 
@@ -64,8 +66,8 @@ class FormulaJoin {
   double expected_visits() const { return total_visits_; }
   double expected_leaves() const { return plans_.front()->leaves; }
 
-  // Calls leaf(values by variable, literal) for each assignment that is not decided at a glance; the literal may turn out
-  // constant all the same. leaf returns false to stop. Returns false where it was stopped.
+  // Calls leaf(values by variable, literal) for each assignment that is not decided at a glance; the literal may turn
+  // out constant all the same. leaf returns false to stop. Returns false where it was stopped.
   template <class Leaf>
   bool run(Leaf leaf) {
     JoinPlan& plan = *plans_.front();
@@ -76,7 +78,8 @@ class FormulaJoin {
   std::size_t make_plan(bool disjunctive, std::vector<NormalNode*> goals, const std::vector<std::uint32_t>& to_bind,
                         std::vector<bool>& bound);
   void plan_inside(NormalNode& node, std::vector<bool>& bound);
-  void next_step(JoinPlan& plan, std::vector<std::uint32_t>& pending, std::vector<bool>& bound, std::vector<bool>& consumed);
+  void next_step(JoinPlan& plan, std::vector<std::uint32_t>& pending, std::vector<bool>& bound,
+                 std::vector<bool>& consumed);
   bool equality_step(JoinPlan& plan, const std::vector<bool>& bound, std::vector<bool>& consumed);
   bool scan_step(JoinPlan& plan, const std::vector<bool>& bound, std::vector<bool>& consumed);
   void domain_step(JoinPlan& plan, const std::vector<std::uint32_t>& pending, const std::vector<bool>& bound,
@@ -151,7 +154,7 @@ class FormulaJoin {
   AtomTable& atoms_;
   NetworkBuilder& builder_;
   KeepGoing keep_going_;
-  std::vector<ConstantIndex> values_;  // by variable
+  std::vector<ConstantIndex> values_;             // by variable
   std::vector<std::unique_ptr<JoinPlan>> plans_;  // [0]: the root's
   double total_visits_ = 0;
   std::uint32_t ticks_ = 0;

@@ -62,16 +62,22 @@ class Normaliser {
 
   NormalNode normalise(const FormulaNode& node, bool negated) {
     switch (node.kind) {
-      case NodeKind::kAtom: return atom(node, negated);
-      case NodeKind::kEqual: return comparison(NodeShape::kEqual, node, negated);
-      case NodeKind::kLess: return comparison(NodeShape::kLess, node, negated);
-      case NodeKind::kLessEqual: return comparison(NodeShape::kLessEqual, node, negated);
-      case NodeKind::kNot: return normalise(node.children[0], !negated);
+      case NodeKind::kAtom:
+        return atom(node, negated);
+      case NodeKind::kEqual:
+        return comparison(NodeShape::kEqual, node, negated);
+      case NodeKind::kLess:
+        return comparison(NodeShape::kLess, node, negated);
+      case NodeKind::kLessEqual:
+        return comparison(NodeShape::kLessEqual, node, negated);
+      case NodeKind::kNot:
+        return normalise(node.children[0], !negated);
       case NodeKind::kAnd:
       case NodeKind::kOr: {
         std::vector<NormalNode> children;
         for (const FormulaNode& child : node.children) children.push_back(normalise(child, negated));
-        return combine((node.kind == NodeKind::kAnd) != negated ? NodeShape::kAnd : NodeShape::kOr, std::move(children));
+        return combine((node.kind == NodeKind::kAnd) != negated ? NodeShape::kAnd : NodeShape::kOr,
+                       std::move(children));
       }
       case NodeKind::kImplies: {
         std::vector<NormalNode> children;
@@ -79,11 +85,12 @@ class Normaliser {
         children.push_back(normalise(node.children[1], negated));
         return combine(negated ? NodeShape::kAnd : NodeShape::kOr, std::move(children));
       }
-      case NodeKind::kIff: return equivalence(node, negated);
+      case NodeKind::kIff:
+        return equivalence(node, negated);
       case NodeKind::kExists:
       case NodeKind::kForall:
-        return quantify((node.kind == NodeKind::kExists) != negated ? NodeShape::kExists : NodeShape::kForall, node.bound,
-                        normalise(node.children[0], negated));
+        return quantify((node.kind == NodeKind::kExists) != negated ? NodeShape::kExists : NodeShape::kForall,
+                        node.bound, normalise(node.children[0], negated));
     }
     return constant(true);
   }
@@ -130,7 +137,8 @@ class Normaliser {
       NormalNode inner = std::move(child.children.front());
       child = std::move(inner);
     }
-    if (std::ranges::any_of(bound, [&](std::uint32_t v) { return is_empty(v); })) return constant(shape == NodeShape::kForall);
+    if (std::ranges::any_of(bound, [&](std::uint32_t v) { return is_empty(v); }))
+      return constant(shape == NodeShape::kForall);
     if (child.shape == (shape == NodeShape::kExists ? NodeShape::kOr : NodeShape::kAnd)) {
       std::vector<NormalNode> parts;
       for (NormalNode& part : child.children) parts.push_back(quantify(shape, bound, std::move(part)));

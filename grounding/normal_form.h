@@ -1,9 +1,10 @@
 // Formulas made ready for grounding: negations at the leaves, quantifiers pushed inwards, atoms with their addresses.
 //
-// Idea      Implications become disjunctions, nested ORs and ANDs are flattened, so that `A => (B <=> C)` is one disjunction
-//           with an equivalence in it. EXIST over a disjunction is a disjunction of EXISTs (and FORALL over a conjunction a
-//           conjunction), each with only the variables that it uses: what is left under a quantifier is a conjunctive query,
-//           the shape that joins can answer. The formula is rewritten, never split: it keeps one weight.
+// Idea      Implications become disjunctions, nested ORs and ANDs are flattened, so that `A => (B <=> C)` is one
+//           disjunction with an equivalence in it. EXIST over a disjunction is a disjunction of EXISTs (and FORALL over
+//           a conjunction a conjunction), each with only the variables that it uses: what is left under a quantifier is
+//           a conjunctive query, the shape that joins can answer. The formula is rewritten, never split: it keeps one
+//           weight.
 #pragma once
 
 #include <vector>
@@ -18,9 +19,9 @@ enum class NodeShape : std::uint8_t {
   kFalse,
   kAtom,
   kEqual,
-  kLess,       // by the numbers that the constants spell
+  kLess,  // by the numbers that the constants spell
   kLessEqual,
-  kEarlier,    // by position in the domain: the order of #unique; stands beside the formula, not in it
+  kEarlier,  // by position in the domain: the order of #unique; stands beside the formula, not in it
   kAnd,
   kOr,
   kIff,
@@ -30,15 +31,15 @@ enum class NodeShape : std::uint8_t {
 
 struct NormalNode {
   NodeShape shape = NodeShape::kTrue;
-  bool negated = false;                       // kAtom, kEqual, kLess, kLessEqual, kIff
-  AtomPattern atom;                           // kAtom
-  Term left, right;                           // kEqual, kLess, kLessEqual, kEarlier
+  bool negated = false;                          // kAtom, kEqual, kLess, kLessEqual, kIff
+  AtomPattern atom;                              // kAtom
+  Term left, right;                              // kEqual, kLess, kLessEqual, kEarlier
   const std::vector<double>* numbers = nullptr;  // kLess, kLessEqual: by constant; not a number: no comparison holds
-  std::vector<NormalNode> children;           // kExists, kForall: 1; kIff: 2
-  std::vector<std::uint32_t> bound;           // kExists, kForall
-  std::vector<std::uint32_t> free;            // variables that occur free, sorted
-  bool quantified = false;                    // a quantifier occurs in it
-  std::size_t plan = 0;                       // kExists, kForall: see FormulaJoin
+  std::vector<NormalNode> children;              // kExists, kForall: 1; kIff: 2
+  std::vector<std::uint32_t> bound;              // kExists, kForall
+  std::vector<std::uint32_t> free;               // variables that occur free, sorted
+  bool quantified = false;                       // a quantifier occurs in it
+  std::size_t plan = 0;                          // kExists, kForall: see FormulaJoin
   std::vector<Literal> scratch;
 
   bool is_literal() const { return shape >= NodeShape::kAtom && shape <= NodeShape::kEarlier; }

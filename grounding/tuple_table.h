@@ -1,6 +1,7 @@
 // A hash table whose keys are tuples of constants, numbered from 0 in order of insertion.
 //
-// Idea      The tuples lie one after the other in one array; open addressing holds their numbers. Nothing is ever removed.
+// Idea      The tuples lie one after the other in one array; open addressing holds their numbers. Nothing is ever
+//           removed.
 // Cost      find and insert: expected constant; memory 4 bytes for each constant and 8-16 for each tuple.
 #pragma once
 

@@ -16,7 +16,7 @@ namespace sherlog {
 
 struct BlockCoverOptions {
   double whole_cost = 1 << 20;   // table entries up to which a component is one block
-  double block_cost = 1 << 12;   // likewise for a part of a component
+  double block_cost = 1 << 13;   // likewise for a part of a component
   std::uint32_t block_variables = 96;
   std::uint32_t covers = 2;
 };

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 #include <queue>
+#include <tuple>
 #include <utility>
 
 #include <boost/graph/adjacency_list.hpp>
@@ -16,6 +17,7 @@ using Adjacency = std::vector<std::vector<std::uint32_t>>;  // sorted neighbours
 
 constexpr std::uint32_t kDegreeForExactFill = 400;  // beyond it the fill is bounded by degree^2 / 2: it is not competitive
 constexpr double kHopelessMargin = 16.0;            // log2 beyond the limit where better orders are no longer sought
+constexpr double kEndMargin = 64.0;                 // log2 beyond the limit where an order is not even completed
 constexpr double kWorthShuffling = 11.0;            // log2 of a largest table for which shuffled ties are tried
 constexpr int kShuffles = 12;
 
@@ -89,8 +91,9 @@ class Elimination {
  public:
   enum class Rule { kWeight, kFill };
 
-  Elimination(const Problem& problem, std::uint64_t& steps_left)
-      : problem_(problem), adjacency_(problem.adjacency), steps_left_(steps_left), mark_(adjacency_.size(), 0) {
+  Elimination(const Problem& problem, std::uint64_t& steps_left, double max_table_log2)
+      : problem_(problem), adjacency_(problem.adjacency), steps_left_(steps_left), mark_(adjacency_.size(), 0),
+        give_up_log2_(max_table_log2 + kEndMargin) {
     total_ = problem.prefix_total;
     largest_ = problem.prefix_largest;
     order_ = problem.prefix;
@@ -100,29 +103,30 @@ class Elimination {
   EliminationOrder greedy(Rule rule, std::uint64_t shuffle, double abandon_total) {
     rule_ = rule;
     shuffle_ = shuffle;
-    const std::size_t n = adjacency_.size();
-    version_.assign(n, 0);
-    weight_.assign(n, 0.0);
-    fill_.assign(n, 0);
-    for (std::uint32_t v = 0; v < n; ++v) {
-      if (!problem_.gone[v]) rescore(v);
-    }
+    score_all();
     while (!heap_.empty() && !abandoned_) {
       const Entry entry = heap_.top();
       heap_.pop();
-      if (entry.version != version_[entry.vertex]) continue;
-      eliminate(entry.vertex, true);
-      if (total_ > abandon_total) abandoned_ = true;
+      if (entry.version == version_[entry.vertex]) eliminate(entry.vertex, true, abandon_total);
     }
     return result();
   }
 
+  // First what makes no new edges (that is optimal), then the rest in the given order.
   EliminationOrder follow(std::span<const std::uint32_t> order, double abandon_total) {
+    rule_ = Rule::kFill;
+    score_all();
+    std::vector<bool> gone = problem_.gone;
+    while (!heap_.empty() && !abandoned_ && heap_.top().primary <= 0.0) {
+      const Entry entry = heap_.top();
+      heap_.pop();
+      if (entry.version != version_[entry.vertex]) continue;
+      gone[entry.vertex] = true;
+      eliminate(entry.vertex, true, abandon_total);
+    }
     for (const std::uint32_t v : order) {
-      if (problem_.gone[v]) continue;
-      eliminate(v, false);
-      if (total_ > abandon_total) abandoned_ = true;
       if (abandoned_) break;
+      if (!gone[v]) eliminate(v, false, abandon_total);
     }
     return result();
   }
@@ -152,6 +156,16 @@ class Elimination {
       abandoned_ = true;
     } else {
       steps_left_ -= steps;
+    }
+  }
+
+  void score_all() {
+    const std::size_t n = adjacency_.size();
+    version_.assign(n, 0);
+    weight_.assign(n, 0.0);
+    fill_.assign(n, 0);
+    for (std::uint32_t v = 0; v < n; ++v) {
+      if (!problem_.gone[v]) rescore(v);
     }
   }
 
@@ -208,7 +222,7 @@ class Elimination {
     }
   }
 
-  void eliminate(std::uint32_t v, bool scored) {
+  void eliminate(std::uint32_t v, bool scored, double abandon_total) {
     const std::vector<std::uint32_t> clique = std::move(adjacency_[v]);
     adjacency_[v].clear();
     double weight = problem_.log2_cardinality[v];
@@ -217,6 +231,10 @@ class Elimination {
     largest_ = std::max(largest_, weight);
     order_.push_back(v);
     if (scored) ++version_[v];
+    if (total_ > abandon_total || largest_ > give_up_log2_) {
+      abandoned_ = true;
+      return;
+    }
 
     const bool track_fill = scored && rule_ == Rule::kFill;
     new_edges_.clear();
@@ -278,6 +296,7 @@ class Elimination {
   std::uint32_t stamp_ = 0;
   std::vector<std::uint32_t> order_;
   double total_ = 0.0, largest_ = 0.0;
+  const double give_up_log2_;
   bool abandoned_ = false;
 };
 
@@ -306,25 +325,29 @@ std::vector<std::uint32_t> minimum_degree(const Problem& problem) {
 }  // namespace
 
 EliminationOrder find_elimination_order(std::span<const std::uint32_t> cardinalities,
-                                        std::span<const std::vector<std::uint32_t>> scopes, const OrderLimits& limits) {
+                                        std::span<const std::vector<std::uint32_t>> scopes, const OrderLimits& limits,
+                                        std::span<const std::uint32_t> sweep) {
   Problem problem = make_problem(cardinalities, scopes);
   strip_leaves(problem);
   std::uint64_t steps = limits.max_steps;
   const double inf = std::numeric_limits<double>::infinity();
-  EliminationOrder best = Elimination(problem, steps).greedy(Elimination::Rule::kWeight, 0, inf);
+  const auto start = [&] { return Elimination(problem, steps, limits.max_table_log2); };
+  EliminationOrder best = start().greedy(Elimination::Rule::kWeight, 0, inf);
   const auto improve = [&](EliminationOrder candidate) {
     if (candidate.complete && (!best.complete || candidate.total_log2 < best.total_log2)) best = std::move(candidate);
   };
   const auto bound = [&] { return best.complete ? std::exp2(best.total_log2) : inf; };
 
   const std::size_t rest = cardinalities.size() - problem.prefix.size();
-  if (rest <= 2 || best.largest_log2 > limits.max_table_log2 + kHopelessMargin) return best;
-  improve(Elimination(problem, steps).greedy(Elimination::Rule::kFill, 0, bound()));
-  if (best.largest_log2 <= kWorthShuffling) return best;
-  improve(Elimination(problem, steps).follow(minimum_degree(problem), bound()));
+  if (rest <= 2) return best;
+  if (!sweep.empty() && best.largest_log2 > kWorthShuffling) improve(start().follow(sweep, bound()));
+  if (best.largest_log2 > limits.max_table_log2 + kHopelessMargin) return best;
+  improve(start().greedy(Elimination::Rule::kFill, 0, bound()));
+  if (!limits.thorough || best.largest_log2 <= kWorthShuffling) return best;
+  improve(start().follow(minimum_degree(problem), bound()));
   for (int i = 1; i <= kShuffles && steps > limits.max_steps / 2; ++i) {
     const auto rule = i % 3 == 0 ? Elimination::Rule::kWeight : Elimination::Rule::kFill;
-    improve(Elimination(problem, steps).greedy(rule, static_cast<std::uint64_t>(i), bound()));
+    improve(start().greedy(rule, static_cast<std::uint64_t>(i), bound()));
   }
   return best;
 }

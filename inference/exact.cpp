@@ -36,7 +36,9 @@ Prepared prepare(const GroundNetwork& network, ComponentId component, const Infe
   Prepared out;
   out.graph = compile_factor_graph(network, component, {atom_bias, with_queries, options.max_memory});
   if (!out.graph.possible || out.graph.too_large) return out;
-  out.order = find_elimination_order(out.graph.cardinalities, out.graph.scopes, {.max_table_log2 = options.max_table_log2});
+  OrderLimits limits;
+  limits.max_table_log2 = options.max_table_log2;
+  out.order = find_elimination_order(out.graph.cardinalities, out.graph.scopes, limits, out.graph.sweep);
   // Tables twice (logarithms and plain numbers), the largest joined table twice (with its separator), and the messages, which
   // are at most half of all joined tables.
   out.bytes = 2.0 * static_cast<double>(out.graph.table_bytes) +
@@ -168,7 +170,7 @@ class ExactRun {
       out.message = fmt::format(
           "{} is too wide for exact: its largest table would have {}2^{:.0f} entries (limit 2^{:g}); use --method {}",
           describe(context_.network, component), prepared.order.complete ? "" : "at least ",
-          std::ceil(prepared.order.largest_log2 - 1e-9), options.max_table_log2, for_map_ ? "map" : "mcsat");
+          std::ceil(std::max(prepared.order.largest_log2 - 1e-9, prepared.order.complete ? 0.0 : options.max_table_log2)), options.max_table_log2, for_map_ ? "map" : "mcsat");
       return true;
     }
     if (tables_too_large || prepared.bytes > static_cast<double>(options.max_memory)) {

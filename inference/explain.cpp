@@ -15,7 +15,7 @@ constexpr std::size_t kMaxConstraintsLeftOut = 32;  // each costs two runs; beyo
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // The target's component once more, with the target held at one value and maybe one constraint less. A constraint of the copy
-// remembers its number in the original as its binding. Its queries are the features, in the component's order.
+// remembers its number in the original as its binding. Its queries are features, in the component's order, or the target.
 class ComponentCopy {
  public:
   ComponentCopy(const GroundNetwork& original, Literal target)
@@ -25,20 +25,28 @@ class ComponentCopy {
     std::optional<GroundNetwork> network;  // nothing where two demands contradict each other at a glance
   };
 
-  // `held`: demand the target (true), its negation (false), or neither.
-  Made make(std::optional<bool> held, std::uint32_t left_out, bool with_features_as_queries) const {
+  // Positions in the component's list of features.
+  struct Range {
+    std::size_t begin = 0, end = 0;
+    std::size_t size() const { return end - begin; }
+  };
+
+  // `held`: demand the target (true), its negation (false), or neither. `queried`: features that are asked for; none: the
+  // target is.
+  Made make(std::optional<bool> held, std::uint32_t left_out, Range queried) const {
     NetworkBuilder builder(original_.names());
     std::vector<std::uint32_t> atoms(original_.atom_count(), kNone);
     for (VariableId variable : original_.component_variables(component_)) copy_variable(variable, builder, atoms);
     std::vector<Literal> gates = copy_gates(builder, atoms);
     const auto map = [&](Literal literal) { return mapped(literal, atoms, gates); };
 
-    for (std::uint32_t f : original_.component_features(component_)) {
-      const Feature& feature = original_.features()[f];
+    const auto features = original_.component_features(component_);
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      const Feature& feature = original_.features()[features[i]];
       // A weight of its own for each feature keeps them apart in the copy.
       const WeightId weight = builder.add_weight({FormulaId(0), {}, feature.weight});
       builder.add_feature(map(feature.literal), feature.weight, weight);
-      if (with_features_as_queries) builder.add_query({map(feature.literal), true, ""});
+      if (queried.begin <= i && i < queried.end) builder.add_query({map(feature.literal), true, ""});
     }
     for (std::uint32_t c : original_.component_constraints(component_)) {
       if (c == left_out) continue;
@@ -46,7 +54,7 @@ class ComponentCopy {
       const ConstantIndex number[] = {c};
       if (!builder.add_constraint(map(constraint.literal), constraint.formula, number)) return {};
     }
-    if (!with_features_as_queries) builder.add_query({map(target_), false, ""});
+    if (queried.size() == 0) builder.add_query({map(target_), false, ""});
     if (held && !builder.add_constraint(*held ? map(target_) : ~map(target_), FormulaId(kNone))) return {};
     return {builder.build()};
   }
@@ -135,7 +143,7 @@ class Runner {
 std::optional<double> log_odds_without(const ComponentCopy& copy, std::uint32_t left_out, const Runner& runner) {
   double log_z[2] = {-kInfinity, -kInfinity};
   for (const bool held : {false, true}) {
-    const auto made = copy.make(held, left_out, false);
+    const auto made = copy.make(held, left_out, {});
     if (!made.network) continue;
     const InferenceResult result = runner.run(*made.network);
     if (result.termination == Termination::kNoPossibleWorld) continue;
@@ -160,6 +168,37 @@ void add_feature_contributions(const GroundNetwork& network, std::span<const std
     }
     if (contribution.log_odds != 0.0) explanation.contributions.push_back(contribution);
   }
+}
+
+bool gives_marginals(const InferenceResult& result, std::size_t queries) {
+  return result.marginals.size() == queries &&
+         (result.termination == Termination::kCompleted || result.termination == Termination::kTimeLimit ||
+          result.termination == Termination::kInterrupted);
+}
+
+// The features in `range` given the target's truth. A query widens the elimination, so many of them can be too wide together
+// where few are not: then each half is asked for itself.
+InferenceResult run_held(const ComponentCopy& copy, bool held, ComponentCopy::Range range, const Runner& runner) {
+  const auto made = copy.make(held, kNone, range);
+  InferenceResult result;
+  if (!made.network) {
+    result.termination = Termination::kNoPossibleWorld;
+    return result;
+  }
+  result = runner.run(*made.network);
+  if (result.termination == Termination::kNoPossibleWorld) {
+    result.conflict = ComponentCopy::original_constraints(*made.network, result.conflict);
+  }
+  if (result.termination != Termination::kTooWide || range.size() < 2) return result;
+  const std::size_t middle = range.begin + range.size() / 2;
+  result = run_held(copy, held, {range.begin, middle}, runner);
+  if (result.termination != Termination::kCompleted) return result;
+  InferenceResult rest = run_held(copy, held, {middle, range.end}, runner);
+  if (!gives_marginals(rest, range.end - middle)) return rest;
+  result.termination = rest.termination;
+  result.message = std::move(rest.message);
+  result.marginals.insert(result.marginals.end(), rest.marginals.begin(), rest.marginals.end());
+  return result;
 }
 
 // The constraints of the target's component, those that share a variable with it first, then their neighbours, ...
@@ -238,12 +277,6 @@ void sort_contributions(Explanation& explanation) {
                    [](const Contribution& a, const Contribution& b) { return std::abs(a.log_odds) > std::abs(b.log_odds); });
 }
 
-bool gives_marginals(const InferenceResult& result, std::size_t queries) {
-  return result.marginals.size() == queries &&
-         (result.termination == Termination::kCompleted || result.termination == Termination::kTimeLimit ||
-          result.termination == Termination::kInterrupted);
-}
-
 }  // namespace
 
 Explanation explain(const GroundNetwork& network, Literal target, const InferenceOptions& options, Monitor& monitor) {
@@ -269,7 +302,7 @@ Explanation explain(const GroundNetwork& network, Literal target, const Inferenc
   explanation.constraints_in_component = network.component_constraints(network.component_of(target)).size();
 
   // The probability itself, by the method asked for.
-  const auto whole = copy.make(std::nullopt, kNone, false);
+  const auto whole = copy.make(std::nullopt, kNone, {});
   InferenceResult result;
   if (whole.network) {
     result = runner.run(*whole.network);
@@ -290,17 +323,11 @@ Explanation explain(const GroundNetwork& network, Literal target, const Inferenc
   if (result.method == "exact") runner.set_method("exact");
   InferenceResult held[2];
   for (const bool value : {false, true}) {
-    const auto made = copy.make(value, kNone, true);
     InferenceResult& run = held[value ? 1 : 0];
-    if (made.network) {
-      run = runner.run(*made.network);
-    } else {
-      run.termination = Termination::kNoPossibleWorld;
-    }
+    run = run_held(copy, value, {0, features.size()}, runner);
     explanation.seconds = runner.stop().seconds();
     if (run.termination == Termination::kNoPossibleWorld) {
-      explain_decided(!value, made.network ? ComponentCopy::original_constraints(*made.network, run.conflict) : std::vector<std::uint32_t>{},
-                      explanation);
+      explain_decided(!value, run.conflict, explanation);
       return explanation;
     }
     if (!gives_marginals(run, features.size())) {

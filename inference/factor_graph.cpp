@@ -4,7 +4,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <string>
+#include <numeric>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 
@@ -61,10 +62,26 @@ class Compiler {
       }
     }
     graph_.too_large = graph_.table_bytes > options_.max_bytes;
+    make_sweep();
     return std::move(graph_);
   }
 
  private:
+  // A variable can go once the last table it shares with earlier ones has been met.
+  void make_sweep() {
+    std::vector<std::uint32_t> last = key_;
+    for (const auto& scope : graph_.scopes) {
+      std::uint32_t met = 0;
+      for (const std::uint32_t v : scope) met = std::max(met, key_[v]);
+      for (const std::uint32_t v : scope) last[v] = std::max(last[v], met);
+    }
+    graph_.sweep.resize(key_.size());
+    std::iota(graph_.sweep.begin(), graph_.sweep.end(), 0u);
+    std::sort(graph_.sweep.begin(), graph_.sweep.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return std::tie(last[a], key_[a], a) < std::tie(last[b], key_[b], b);
+    });
+  }
+
   // --- variables
 
   void bind_variables() {
@@ -190,13 +207,16 @@ class Compiler {
       if (a == Truth::kOpen || b == Truth::kOpen) return Truth::kOpen;
       return a == b ? Truth::kTrue : Truth::kFalse;
     }
-    bool open = false;
+    std::uint32_t satisfied = 0, open = 0;
     for (const Literal input : inputs) {
       const Truth t = truth(input);
-      if (t == Truth::kTrue) return t;
-      open = open || t == Truth::kOpen;
+      if (t == Truth::kTrue) ++satisfied;
+      if (t == Truth::kOpen) ++open;
     }
-    return open ? Truth::kOpen : Truth::kFalse;
+    // Both kinds are monotone in the number of true inputs.
+    const bool least = gate_truth(network_.gate_kind(g), satisfied), most = gate_truth(network_.gate_kind(g), satisfied + open);
+    if (least != most) return Truth::kOpen;
+    return least ? Truth::kTrue : Truth::kFalse;
   }
 
   void look_at(GateInfo& gate) {
@@ -286,6 +306,10 @@ class Compiler {
       add_binary(tests[0], tests[1], [&](bool a, bool b) { return a == b ? when_true : when_false; });
       return;
     }
+    if (network_.gate_kind(gate.id) == GateKind::kAtMostOne) {
+      add_unary(at_most_one_test(std::move(tests)), when_true, when_false);
+      return;
+    }
     const bool always = !join_tests(tests);
     if (always) {
       graph_.constant += when_true;
@@ -338,12 +362,18 @@ class Compiler {
         return bits;
       };
       const auto inputs = network_.gate_inputs(g);
+      const GateKind kind = network_.gate_kind(g);
       table = input_table(inputs[0]);
+      BitTable any = table, two(words, 0);
       for (std::size_t i = 1; i < inputs.size(); ++i) {
         const BitTable other = input_table(inputs[i]);
-        const bool is_or = network_.gate_kind(g) == GateKind::kOr;
-        for (std::size_t w = 0; w < words; ++w) table[w] = is_or ? table[w] | other[w] : ~(table[w] ^ other[w]);
+        for (std::size_t w = 0; w < words; ++w) {
+          two[w] |= any[w] & other[w];
+          any[w] |= other[w];
+          if (kind == GateKind::kIff) table[w] = ~(table[w] ^ other[w]);
+        }
       }
+      for (std::size_t w = 0; w < words && kind != GateKind::kIff; ++w) table[w] = kind == GateKind::kOr ? any[w] : ~two[w];
     }
     return tables.at(below[0]);
   }
@@ -435,6 +465,7 @@ class Compiler {
     if (is_function(gate)) return function_test(g);
     std::vector<ValueTest> tests = input_tests(g);
     if (network_.gate_kind(g) == GateKind::kIff) return combined(tests[0], tests[1], Operation::kIff);
+    if (network_.gate_kind(g) == GateKind::kAtMostOne) return at_most_one_test(std::move(tests));
     if (!join_tests(tests)) return ValueTest::constant(true);
     if (tests.empty()) return ValueTest::constant(false);
     return chain(tests, false);
@@ -597,6 +628,18 @@ class Compiler {
       any = combined(any, tests[i], Operation::kOr);
     }
     return any;
+  }
+
+  // "At most one of these holds" as a truth that may be false too: a second chain knows whether two did.
+  ValueTest at_most_one_test(std::vector<ValueTest> tests) {
+    const auto key = [&](const ValueTest& test) { return test.is_constant() ? 0 : key_[test.variable]; };
+    std::stable_sort(tests.begin(), tests.end(), [&](const ValueTest& a, const ValueTest& b) { return key(a) < key(b); });
+    ValueTest any = ValueTest::constant(false), two = ValueTest::constant(false);
+    for (const ValueTest& test : tests) {
+      two = combined(two, negation(combined(negation(any), negation(test), Operation::kOr)), Operation::kOr);
+      any = combined(any, test, Operation::kOr);
+    }
+    return negation(two);
   }
 
   // --- at-most-one groups

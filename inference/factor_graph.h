@@ -44,6 +44,7 @@ struct FactorGraph {
   bool too_large = false;              // the tables alone exceed the memory limit
   double constant = 0.0;               // log: what is decided
   std::vector<std::uint32_t> cardinalities;         // network variables first, auxiliary ones behind
+  std::vector<std::uint32_t> sweep;                 // all variables, each where the network's order last needs it
   std::vector<std::vector<std::uint32_t>> scopes;   // distinct, sorted, not empty
   std::vector<std::vector<double>> tables;          // natural logarithms, the last variable runs fastest
   std::vector<Binding> bindings;                    // in the order of network.component_variables()

@@ -10,8 +10,9 @@ namespace sherlog {
 namespace {
 
 // Formulas whose variables inside the block have at most this many joint values (times outside variants) stay one table.
-constexpr std::size_t kInlineEntries = 512;
+constexpr std::size_t kInlineEntries = 64;
 constexpr std::size_t kLargestTable = 8192;
+constexpr std::uint64_t kOrderSteps = 20000;  // for each variable: an order that takes longer to find is of no use
 
 }  // namespace
 
@@ -134,6 +135,36 @@ class JointBlockBuilder {
     return split_iff(gate);
   }
 
+  using Groups = std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Literal>>;
+
+  // What the links of a chain test, where each tests one variable and nothing comes from outside: chains of the same tests are one.
+  // Empty otherwise.
+  std::vector<std::uint32_t> chain_key(const Gate& gate, const Groups& groups) {
+    std::vector<std::uint32_t> key;
+    if (gate.outside_bit >= 0) return key;
+    assignment_.resize(cardinalities_.size());
+    for (const auto& [order, inputs] : groups) {
+      std::vector<std::uint32_t> scope, bits;
+      for (Literal input : inputs) reads(input, scope, bits);
+      if (scope.size() != 1 || !bits.empty() || scope[0] >= variables_.size() || cardinalities_[scope[0]] > 32) return {};
+      std::uint32_t accepted = 0;
+      for (std::uint32_t value = 0; value < cardinalities_[scope[0]]; ++value) {
+        assignment_[scope[0]] = value;
+        if (std::ranges::any_of(inputs, [&](Literal l) { return evaluate(l); })) accepted |= 1u << value;
+      }
+      key.push_back(scope[0]);
+      key.push_back(accepted);
+    }
+    return key;
+  }
+
+  std::uint32_t first_variable(Literal literal) const {
+    if (literal.is_atom()) return local_of_variable_.at(network_.variable_of(literal.atom()).value);
+    std::uint32_t first = 0xffffffffu;
+    for (Literal input : gate_[local_gate_.at(literal.gate().value)].inside) first = std::min(first, first_variable(input));
+    return first;
+  }
+
   std::uint32_t new_auxiliary() {
     cardinalities_.push_back(2);
     return static_cast<std::uint32_t>(cardinalities_.size() - 1);
@@ -166,17 +197,23 @@ class JointBlockBuilder {
   bool make_chain(std::uint32_t id, Gate& gate) {
     const bool at_most_one = network_.gate_kind(GateId(id)) == GateKind::kAtMostOne;
     if (at_most_one && index_.demand(index_.gate_node(id)) != 1) return false;
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Literal>> groups;
+    // In the order of their first variables: chains over the same variables then run side by side.
+    Groups groups;
     for (Literal input : gate.inside) {
       if (input.is_gate()) {
-        groups[{1u, input.gate().value}].push_back(input);
+        groups[{first_variable(input), input.gate().value + 1}].push_back(input);
       } else {
-        groups[{0u, local_of_variable_.at(network_.variable_of(input.atom()).value)}].push_back(input);
+        groups[{first_variable(input), 0u}].push_back(input);
       }
     }
+    const std::vector<std::uint32_t> key = chain_key(gate, groups);
+    const auto [known, is_new] = chain_of_key_.try_emplace(key.empty() ? std::vector<std::uint32_t>{id, 0xffffffffu} : key);
+    std::vector<std::uint32_t>& chain = known->second;
     std::int32_t previous = -1;
-    for (const auto& [key, inputs] : groups) {
-      const std::uint32_t next = new_auxiliary();
+    std::size_t link = 0;
+    for (const auto& [order, inputs] : groups) {
+      if (is_new) chain.push_back(new_auxiliary());
+      const std::uint32_t next = chain[link++];
       std::vector<std::uint32_t> scope, bits;
       for (Literal input : inputs) reads(input, scope, bits);
       if (previous >= 0) {
@@ -275,6 +312,8 @@ class JointBlockBuilder {
     for (const Table& table : tables_) scopes.push_back(table.scope);
     OrderLimits limits;
     limits.max_table_log2 = std::log2(max_cost);
+    limits.max_steps = kOrderSteps * (cardinalities_.size() + 1);
+    limits.thorough = false;
     block_.plan_.emplace(cardinalities_, scopes, limits);
     if (!(block_.plan_->cost() <= max_cost)) return std::nullopt;
     for (const Table& table : tables_) block_.base_.insert(block_.base_.end(), table.values.begin(), table.values.end());
@@ -295,6 +334,7 @@ class JointBlockBuilder {
   std::vector<std::uint32_t> cardinalities_;  // block variables, then auxiliaries
   std::vector<Table> tables_;
   std::map<std::vector<std::uint32_t>, std::size_t> table_of_scope_;
+  std::map<std::vector<std::uint32_t>, std::vector<std::uint32_t>> chain_of_key_;
   std::vector<std::uint32_t> assignment_;
   std::vector<std::uint8_t> bit_assignment_;
   JointBlock block_;

@@ -46,6 +46,7 @@ struct Outcome {
   }
 };
 
+// Sum of the components' features; minus infinity where a hard formula of theirs is broken.
 double score_of(const GroundNetwork& network, std::span<const ComponentId> components, std::span<const std::uint32_t> values,
                 std::span<const double> atom_bias) {
   std::vector<std::uint8_t> truth(network.gate_count(), 0);
@@ -60,6 +61,9 @@ double score_of(const GroundNetwork& network, std::span<const ComponentId> compo
   }
   double score = 0.0;
   for (ComponentId c : components) {
+    for (std::uint32_t k : network.component_constraints(c)) {
+      if (!is_true(network.constraints()[k].literal)) return -kInfinity;
+    }
     for (std::uint32_t f : network.component_features(c)) {
       if (is_true(network.features()[f].literal)) score += network.features()[f].weight;
     }
@@ -304,8 +308,10 @@ MethodResult run_map(const MethodContext& context) {
   reduction.lift(outcome.values, result.values);
   result.map_score = score_of(context.network, context.components, result.values, context.atom_bias);
   result.map_bound = result.map_score + outcome.gap;
-  result.termination = outcome.gap == 0.0 && outcome.found ? Termination::kCompleted : context.stop.reason();
-  if (!outcome.found) {
+  // The last word has the network itself.
+  const bool found = outcome.found && result.map_score > -kInfinity;
+  result.termination = outcome.gap == 0.0 && found ? Termination::kCompleted : context.stop.reason();
+  if (!found) {
     result.values.clear();
     result.map_score = -kInfinity;
     result.map_bound = kInfinity;

@@ -42,8 +42,7 @@ bool MapReduction::reduce(std::span<const ComponentId> components, std::span<con
   for (std::uint32_t node : original_) local_[node] = kNone;
   if (!possible) return false;
   find_pushes();
-  build();
-  return true;
+  return build();
 }
 
 // --- loading ---------------------------------------------------------------------------------------------------------
@@ -380,7 +379,7 @@ Literal MapReduction::build_gate(NetworkBuilder& builder, std::uint32_t gate, st
   return kind_[gate] == Kind::kIff ? builder.make_iff(scratch[0], scratch[1]) : builder.make_or(scratch);
 }
 
-void MapReduction::build() {
+bool MapReduction::build() {
   NameTable names;
   names.predicates.push_back("x");
   names.predicate_domains.emplace_back();
@@ -413,13 +412,14 @@ void MapReduction::build() {
       rest_literal_[i] = Literal::atom(builder.first_atom(builder.add_variable(PredicateId(0), {}, 1, true)));
     } else if (is_gate && (truth_[i] >= 0 || relevant)) {
       const Literal literal = build_gate(builder, i, scratch);
-      if (truth_[i] >= 0) builder.add_constraint(truth_[i] > 0 ? literal : ~literal, FormulaId(0));
+      if (truth_[i] >= 0 && !builder.add_constraint(truth_[i] > 0 ? literal : ~literal, FormulaId(0))) return false;
       rest_literal_[i] = literal;
     }
     if (truth_[i] >= 0) rest_literal_[i] = Literal::constant(truth_[i] > 0);
     if (kind_[i] != Kind::kRemovedAtom && weight_[i] != 0.0) builder.add_feature(rest_literal_[i], weight_[i], weight_id);
   }
   rest_ = builder.build();
+  return true;
 }
 
 // --- back ------------------------------------------------------------------------------------------------------------

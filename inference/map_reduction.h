@@ -51,7 +51,7 @@ class MapReduction {
   };
   // A node: an atom or gate of the components, inputs before the gate.
   struct Group {  // a variable
-    VariableId variable;
+    VariableId variable{};
     std::uint32_t first = 0, count = 0;  // nodes
     bool has_none = false;
     std::uint32_t stand_in = kNone;      // node whose truth is the value "none" of the reduced variable
@@ -84,7 +84,7 @@ class MapReduction {
   bool remove_private_atoms();
   bool remove_private_atom(std::uint32_t atom, std::uint32_t gate);
   void forget_input(std::uint32_t gate, std::uint32_t atom);
-  void build();
+  bool build();  // false: two things that became the same contradict each other
   Literal build_gate(NetworkBuilder& builder, std::uint32_t gate, std::vector<Literal>& scratch) const;
   bool truth_of(std::uint32_t node, std::vector<std::int8_t>& truth) const;
 

@@ -193,7 +193,24 @@ bool Propagation::propagate() {
   return true;
 }
 
-bool Propagation::check_gate(std::uint32_t g) { return gates_[g].kind == GateKind::kOr ? check_or(g) : check_iff(g); }
+bool Propagation::check_gate(std::uint32_t g) {
+  switch (gates_[g].kind) {
+    case GateKind::kOr: return check_or(g);
+    case GateKind::kIff: return check_iff(g);
+    case GateKind::kAtMostOne: return check_at_most_one(g);
+  }
+  return true;
+}
+
+// Gives all inputs that are open this truth.
+bool Propagation::force_open_inputs(std::uint32_t g, bool value) {
+  const Gate& gate = gates_[g];
+  for (std::uint32_t i = gate.input_begin; i < gate.input_end; ++i) {
+    if (!open(inputs_[i].node)) continue;
+    if (!assign(inputs_[i].node, value != inputs_[i].negated, Reason::kGate, g)) return false;
+  }
+  return true;
+}
 
 bool Propagation::check_or(std::uint32_t g) {
   const Gate& gate = gates_[g];
@@ -201,11 +218,16 @@ bool Propagation::check_or(std::uint32_t g) {
   if (gate.open == 0) return assign(gate.node, false, Reason::kGate, g);
   const Truth out = nodes_[gate.node].truth;
   if (out == Truth::kOpen || (out == Truth::kTrue && gate.open > 1)) return true;
-  const bool value = out == Truth::kTrue;  // of the inputs that are open: of all where false, of the last one where true
-  for (std::uint32_t i = gate.input_begin; i < gate.input_end; ++i) {
-    if (!open(inputs_[i].node)) continue;
-    if (!assign(inputs_[i].node, value != inputs_[i].negated, Reason::kGate, g)) return false;
-  }
+  return force_open_inputs(g, out == Truth::kTrue);  // all of them where false, the last one where true
+}
+
+bool Propagation::check_at_most_one(std::uint32_t g) {
+  const Gate& gate = gates_[g];
+  if (gate.satisfied > 1) return assign(gate.node, false, Reason::kGate, g);
+  if (gate.satisfied + gate.open <= 1) return assign(gate.node, true, Reason::kGate, g);
+  const Truth out = nodes_[gate.node].truth;
+  if (out == Truth::kTrue && gate.satisfied == 1) return force_open_inputs(g, false);
+  if (out == Truth::kFalse && gate.satisfied + gate.open == 2) return force_open_inputs(g, true);
   return true;
 }
 

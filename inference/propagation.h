@@ -87,6 +87,8 @@ class Propagation {
   bool check_gate(std::uint32_t gate);
   bool check_or(std::uint32_t gate);
   bool check_iff(std::uint32_t gate);
+  bool check_at_most_one(std::uint32_t gate);
+  bool force_open_inputs(std::uint32_t gate, bool value);
   bool check_variable(std::uint32_t node);
   bool true_input(const Input& input) const { return nodes_[input.node].truth == (input.negated ? Truth::kFalse : Truth::kTrue); }
   bool open(std::uint32_t node) const { return nodes_[node].truth == Truth::kOpen; }

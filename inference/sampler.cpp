@@ -13,6 +13,7 @@
 #include "inference/chain_diagnostics.h"
 #include "inference/conflict.h"
 #include "inference/ergodicity.h"
+#include "inference/group_move.h"
 #include "inference/propagation.h"
 #include "inference/sample_sat.h"
 #include "inference/slice.h"
@@ -96,9 +97,10 @@ class Chain {
       world_.set_demand(plan.index->node(c.literal), 0);
     }
     for (const auto& component : plan.components) {
-      parts_.push_back({component.cover.blocks, nullptr, 0, 0.0});
+      parts_.push_back({component.cover.blocks, nullptr, nullptr, 0, 0.0});
       if (component.cover.whole) continue;
       Part& part = parts_.back();
+      part.groups = std::make_unique<GroupMoves>(*plan.index, component.variables);
       if (kernel == Kernel::kMcSat) part.slice = std::make_unique<SliceStep>(*plan.index, component.variables, component.jump);
       // A unit of work: one use of an atom by a gate.
       for (VariableId v : component.variables) {
@@ -144,7 +146,10 @@ class Chain {
         continue;
       }
       if (part.slice) part.slice->step(world_, rng_);
-      for (VariableId v : component.variables) gibbs_step(world_, v, rng_, false, scratch_);
+      for (VariableId v : component.variables) {
+        if (!part.groups->covers(v)) gibbs_step(world_, v, rng_, false, scratch_);
+      }
+      part.groups->sweep(world_, rng_);
       if (part.blocks.empty()) continue;
       for (double spent = 0.0; spent < kBlockShare * part.sweep_cost;) {
         JointBlock& block = part.blocks[part.next_block];
@@ -161,6 +166,7 @@ class Chain {
   struct Part {
     std::vector<JointBlock> blocks;
     std::unique_ptr<SliceStep> slice;
+    std::unique_ptr<GroupMoves> groups;
     std::size_t next_block = 0;
     double sweep_cost = 0.0;
   };

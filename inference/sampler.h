@@ -3,6 +3,7 @@
 // Idea      Components are independent, so every chain moves each of them in turn with the moves that suit it:
 //             slice step    MC-SAT only (slice.h)
 //             Gibbs sweep   every variable, `!` and `?` blocks as a whole, from its conditional distribution
+//             group moves   at-most-one groups as a whole, with what hangs on them (group_move.h)
 //             joint blocks  sets of bounded width drawn exactly given the rest (joint_block.h), as many a sweep as cost about
 //                           as much as the sweep itself, in turn
 //           A component narrow enough to be one joint block is drawn independently and needs no other move.

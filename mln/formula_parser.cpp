@@ -335,9 +335,13 @@ std::optional<FormulaParser::Operand> FormulaParser::parse_quantified() {
     take();
   } while (take_if(TokenKind::kComma));
   ++depth_;
-  std::optional<Operand> body = parse_unary();
+  // A body without brackets reaches as far as it can, as in Tuffy's and Alchemy's own models.
+  const bool delimited = at(TokenKind::kOpen) || quantifier().has_value();
+  std::optional<Operand> body = delimited ? parse_unary() : parse_operators();
   if (!body) return std::nullopt;
   --depth_;
+  const Kind body_kind = body->formula.kind;
+  if (!delimited && body_kind != Kind::kAtom && body_kind != Kind::kNot && !is_comparison(body_kind)) body->formula.bracketed = true;
   result.height = body->height + 1;
   if (!check_height(result.height, result.formula.place)) return std::nullopt;
   if (is_comparison(body->formula.kind)) body->formula.bracketed = true;

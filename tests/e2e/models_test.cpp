@@ -27,7 +27,9 @@ struct Case {
   Json expected;
 };
 
-void PrintTo(const Case& c, std::ostream* out) { *out << c.file.parent_path().filename().string() << "/" << c.file.filename().string(); }
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << c.file.parent_path().filename().string() << "/" << c.file.filename().string();
+}
 
 std::vector<Case> cases() {
   std::vector<Case> found;
@@ -127,7 +129,8 @@ TEST_P(ShippedModel, GivesTheAnswersBesideIt) {
   Monitor monitor;
   const auto grounding = ground(*model, evidence->front(), *query, grounding_options(expected, *model), monitor);
   if (expected.value("termination", "completed") == "no_possible_world") {
-    const Termination termination = grounding.network ? run(*grounding.network, "exact").termination : grounding.termination;
+    const Termination termination =
+        grounding.network ? run(*grounding.network, "exact").termination : grounding.termination;
     EXPECT_EQ(termination, Termination::kNoPossibleWorld);
     return;
   }

@@ -20,7 +20,8 @@ struct Answer {
   std::map<std::string, double> marginals;
 };
 
-Answer ask(const std::string& text, const std::string& database, const std::string& query_text, const std::string& method) {
+Answer ask(const std::string& text, const std::string& database, const std::string& query_text,
+           const std::string& method) {
   Diagnostics diagnostics;
   const auto model = parse_model(text, "model.mln", diagnostics);
   EXPECT_TRUE(model) << diagnostics.render();
@@ -103,7 +104,8 @@ TEST_P(KnownWrongAnswers, WeightOfASingleAtomCounts) {
 // Weight 2 on H ^ S as one feature: worlds 1, 1, 1, e^2. Divided over its two clauses it would be 1, e, e, e^2.
 TEST_P(KnownWrongAnswers, WeightOfAConjunctionIsNotDividedOverItsClauses) {
   const double e2 = std::exp(2.0);
-  expect(std::string(kDeclarations) + "2 H(i) ^ S(o)\n", {{"H(I)", (1 + e2) / (3 + e2)}, {"S(O)", (1 + e2) / (3 + e2)}});
+  expect(std::string(kDeclarations) + "2 H(i) ^ S(o)\n",
+         {{"H(I)", (1 + e2) / (3 + e2)}, {"S(O)", (1 + e2) / (3 + e2)}});
 }
 
 // Weight 2 on an equivalence: worlds e^2, 1, 1, e^2; with S known the odds of H are e^2 : 1.
@@ -139,7 +141,8 @@ TEST(KnownWrongAnswersOfContradictions, HardContradictionHasNoAnswer) {
     InferenceOptions options;
     options.method = method.name;
     const auto result = infer(*grounding.network, options, monitor);
-    EXPECT_TRUE(result.termination == Termination::kNoPossibleWorld || result.termination == Termination::kRefused) << method.name;
+    EXPECT_TRUE(result.termination == Termination::kNoPossibleWorld || result.termination == Termination::kRefused)
+        << method.name;
   }
 }
 

@@ -175,7 +175,8 @@ class Naive {
         if (listed[a] || !matches(item, atoms_[a]) || is_decided(static_cast<int>(a))) continue;
         listed[a] = true;
         targets_.push_back({static_cast<int>(a), nullptr});
-        result.marginals.emplace_back(atom_text(model_, evidence_, PredicateId(atoms_[a].first), atoms_[a].second), 0.0);
+        result.marginals.emplace_back(atom_text(model_, evidence_, PredicateId(atoms_[a].first), atoms_[a].second),
+                                      0.0);
       }
     }
   }
@@ -285,10 +286,14 @@ class Naive {
       }
       case NodeKind::kEqual:
       case NodeKind::kLess:
-      case NodeKind::kLessEqual: return compared(node);
-      case NodeKind::kNot: return !child(0);
-      case NodeKind::kImplies: return !child(0) || child(1);
-      case NodeKind::kIff: return child(0) == child(1);
+      case NodeKind::kLessEqual:
+        return compared(node);
+      case NodeKind::kNot:
+        return !child(0);
+      case NodeKind::kImplies:
+        return !child(0) || child(1);
+      case NodeKind::kIff:
+        return child(0) == child(1);
       case NodeKind::kAnd:
         for (std::size_t i = 0; i < node.children.size(); ++i) {
           if (!child(i)) return false;
@@ -299,8 +304,10 @@ class Naive {
           if (child(i)) return true;
         }
         return false;
-      case NodeKind::kExists: return quantified(node, formula, 0, true);
-      case NodeKind::kForall: return !quantified(node, formula, 0, false);
+      case NodeKind::kExists:
+        return quantified(node, formula, 0, true);
+      case NodeKind::kForall:
+        return !quantified(node, formula, 0, false);
     }
     return false;
   }

@@ -60,9 +60,11 @@ class Writer {
         domain.constants.push_back(numeric ? fmt::format("{}", 10 * d + c) : fmt::format("C{}{}", d, c));
       }
       domain.declared = size > 0 && chance(0.6);
-      if (domain.declared) result_.model += fmt::format("{} = {{{}}}\n", domain.name, fmt::join(domain.constants, ", "));
+      if (domain.declared)
+        result_.model += fmt::format("{} = {{{}}}\n", domain.name, fmt::join(domain.constants, ", "));
       // Sometimes the evidence widens it.
-      if (size > 0 && size < 3 && chance(0.1)) domain.constants.push_back(numeric ? fmt::format("{}", 10 * d + 5) : fmt::format("C{}x", d));
+      if (size > 0 && size < 3 && chance(0.1))
+        domain.constants.push_back(numeric ? fmt::format("{}", 10 * d + 5) : fmt::format("C{}x", d));
       domains_.push_back(domain);
     }
   }
@@ -82,7 +84,8 @@ class Writer {
       }
       std::vector<std::string> arguments;
       for (std::size_t i = 0; i < arity; ++i) {
-        arguments.push_back(domains_[predicate.domains[i]].name + (predicate.marked[i] ? std::string(1, predicate.mark) : ""));
+        arguments.push_back(domains_[predicate.domains[i]].name +
+                            (predicate.marked[i] ? std::string(1, predicate.mark) : ""));
       }
       result_.model += fmt::format("{}{}({})\n", chance(0.15) ? "*" : "", predicate.name, fmt::join(arguments, ", "));
       predicates_.push_back(predicate);
@@ -223,7 +226,9 @@ class Writer {
       for (const std::string& after : {std::string(")"), std::string(",")}) {
         const std::size_t at = text.find(before + name + after);
         // A bracket that opens an argument list follows a letter.
-        if (at == std::string::npos || (before == "(" && (at == 0 || !std::isalnum(static_cast<unsigned char>(text[at - 1]))))) continue;
+        if (at == std::string::npos ||
+            (before == "(" && (at == 0 || !std::isalnum(static_cast<unsigned char>(text[at - 1])))))
+          continue;
         text.insert(at + before.size(), "+");
         return;
       }
@@ -240,7 +245,8 @@ class Writer {
       }
       return fmt::format("{}({})", predicate.name, fmt::join(terms, ", "));
     };
-    return fmt::format("#unique{{+?a, +?b}}\n{} {} {} {}", weight(), mention("?a"), chance(0.5) ? "^" : "v", mention("?b"));
+    return fmt::format("#unique{{+?a, +?b}}\n{} {} {} {}", weight(), mention("?a"), chance(0.5) ? "^" : "v",
+                       mention("?b"));
   }
 
   // --- evidence
@@ -276,7 +282,8 @@ class Writer {
     const double stated = std::uniform_real_distribution<double>(0.1, 0.8)(random_);
     for (const RandomDomain& domain : domains_) {
       // Constants that nothing else mentions are still constants.
-      if (!domain.constants.empty() && is_used(domain)) lines_.push_back(fmt::format("{} = {{{}}}", domain.name, fmt::join(domain.constants, ", ")));
+      if (!domain.constants.empty() && is_used(domain))
+        lines_.push_back(fmt::format("{} = {{{}}}", domain.name, fmt::join(domain.constants, ", ")));
     }
     for (const RandomPredicate& predicate : predicates_) {
       if (predicate.mark != ' ') {
@@ -336,9 +343,10 @@ class Writer {
         result_.queries.push_back(fmt::format("{}({})", predicate.name, fmt::join(pick(atoms), ",")));
       } else if (which < 0.8) {
         std::vector<std::string> arguments = pick(atoms);
-        arguments[below(arguments.size())] = "?x";
         if (arguments.size() > 1 && predicate.domains.front() == predicate.domains.back() && chance(0.4)) {
           arguments.front() = arguments.back() = "?x";
+        } else {
+          arguments[below(arguments.size())] = "?x";
         }
         result_.queries.push_back(fmt::format("{}({})", predicate.name, fmt::join(arguments, ",")));
       } else {

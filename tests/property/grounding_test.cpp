@@ -1,7 +1,9 @@
-// Grounding against the definition: the network of a random model, enumerated, gives the same log Z, marginals and best score
-// as the naive semantics of the text. SHERLOG_RANDOM_MODELS sets how many (default 200), SHERLOG_RANDOM_SEED the first seed.
+// Grounding against the definition: the network of a random model, enumerated, gives the same log Z, marginals and best
+// score as the naive semantics of the text. SHERLOG_RANDOM_MODELS sets how many (default 200), SHERLOG_RANDOM_SEED the
+// first seed.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -55,6 +57,13 @@ void compare(const oracle::NaiveAnswer& naive, const GroundingResult& grounding)
   }
 }
 
+// A hard formula that propositional logic refutes does not get past the parser.
+bool only_contradictions(const Diagnostics& diagnostics) {
+  return std::ranges::all_of(diagnostics.all(), [](const Diagnostic& message) {
+    return message.severity == Severity::kWarning || message.code == "contradiction";
+  });
+}
+
 // Returns whether the model was small enough to be compared.
 bool check(std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -62,7 +71,7 @@ bool check(std::uint64_t seed) {
   SCOPED_TRACE("seed " + std::to_string(seed) + "\n" + everything(text));
   Diagnostics diagnostics;
   const auto model = parse_model(text.model, "random.mln", diagnostics);
-  EXPECT_TRUE(model) << diagnostics.render();
+  EXPECT_TRUE(model || only_contradictions(diagnostics)) << diagnostics.render();
   if (!model) return false;
   const auto databases = parse_evidence(*model, text.evidence, "random.db", diagnostics);
   EXPECT_TRUE(databases) << diagnostics.render();

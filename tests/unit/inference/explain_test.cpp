@@ -102,6 +102,49 @@ TEST(Explain, EveryContributionIsTheLogOddsWithMinusThoseWithout) {
   EXPECT_GT(compared, 50);
 }
 
+// Four blocks of 16 values, each pair of them joined by features: what exact does for one question is too wide for a question
+// about every feature at once, and is done in parts.
+TEST(Explain, FeaturesThatAreTooWideTogetherAreAskedForInParts) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> weight(-1.5, 1.5);
+  const auto make = [&](bool all_queried) {
+    random.seed(5);
+    NetworkBuilder builder;
+    std::vector<AtomId> first;
+    for (int v = 0; v < 4; ++v) first.push_back(builder.first_atom(builder.add_anonymous(16, false)));
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = a + 1; b < 4; ++b) {
+        for (std::uint32_t value = 0; value < 16; ++value) {
+          std::vector<Literal> both{Literal::atom(AtomId(first[a].value + value)), Literal::atom(AtomId(first[b].value + 15 - value))};
+          const Literal pair = builder.make_and(both);
+          const double w = weight(random);
+          builder.add_feature(pair, w, builder.add_weight({FormulaId(0), {}, w}));
+          if (all_queried) builder.add_query({pair, true, "pair"});
+        }
+      }
+    }
+    return builder.build();
+  };
+  InferenceOptions narrow = exact();
+  narrow.max_table_log2 = 17;
+  Monitor monitor;
+  ASSERT_EQ(infer(make(true), narrow, monitor).termination, Termination::kTooWide) << "the limit does not bite";
+
+  const GroundNetwork network = make(false);
+  const Literal atom = Literal::atom(AtomId(0));
+  const Explanation in_parts = explain(network, atom, narrow, monitor);
+  ASSERT_EQ(in_parts.termination, Termination::kCompleted) << in_parts.message;
+  const Explanation at_once = explain(network, atom, exact(), monitor);
+  ASSERT_EQ(at_once.termination, Termination::kCompleted) << at_once.message;
+  EXPECT_NEAR(in_parts.log_odds, at_once.log_odds, 1e-9);
+  EXPECT_EQ(in_parts.contributions.size(), network.features().size());
+  for (const Contribution& contribution : at_once.contributions) {
+    const Contribution* same = find(in_parts, false, contribution.index);
+    ASSERT_NE(same, nullptr);
+    EXPECT_NEAR(same->log_odds, contribution.log_odds, 1e-9);
+  }
+}
+
 TEST(Explain, LargestContributionComesFirst) {
   std::mt19937_64 random(22);
   const GroundNetwork network = oracle::random_network(random);

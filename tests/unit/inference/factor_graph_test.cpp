@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <string>
 
@@ -126,6 +127,40 @@ TEST(FactorGraph, FormulasAboutOneRowShareOneChain) {
   EXPECT_NEAR(solved.log_partition, std::log(1.0 + 40.0 * std::exp(1.5)), 1e-9);
   EXPECT_LE(solved.largest_log2, 3.0);
   EXPECT_LE(solved.variables, 41u + 39u);
+}
+
+TEST(FactorGraph, AtMostOneGatesHaveTheirTruthWhereverTheyStand) {
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    NetworkBuilder builder;
+    const WeightId weight = builder.add_weight({});
+    for (int i = 0; i < 6; ++i) builder.add_anonymous(i < 2 ? 3 : 1, true);
+    const auto gate = [&] {
+      std::vector<Literal> inputs;
+      for (std::uint32_t a = 0; a < builder.atom_count(); ++a) {
+        if (random() % 2 == 0) inputs.push_back(Literal::atom(AtomId(a), random() % 4 == 0));
+      }
+      return inputs.size() < 2 ? Literal::atom(AtomId(0)) : builder.make_at_most_one(inputs);
+    };
+    builder.add_feature(gate(), 0.7, weight);
+    builder.add_feature(builder.make_iff(gate(), Literal::atom(AtomId(3))), -0.4, weight);
+    builder.add_constraint(random() % 2 == 0 ? gate() : ~gate(), FormulaId(0));
+    builder.add_query({gate(), true, "formula"});
+    const GroundNetwork network = builder.build();
+    const oracle::Enumeration expected = oracle::enumerate(network);
+    for (const std::uint64_t small_joint : {1u, 16u, 4096u}) {
+      FactorGraphOptions compilation;
+      compilation.small_joint = small_joint;
+      const Solved solved = solve(network, compilation);
+      if (!expected.possible) {
+        EXPECT_EQ(solved.log_partition, -std::numeric_limits<double>::infinity());
+        continue;
+      }
+      EXPECT_NEAR(solved.log_partition + network.constant_score() + network.free_log_count(), expected.log_partition, 1e-9);
+      EXPECT_NEAR(solved.queries[0], expected.marginals[0], 1e-9);
+    }
+  }
 }
 
 TEST(FactorGraph, ImpossibleValuesAreDropped) {

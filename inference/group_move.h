@@ -1,0 +1,58 @@
+// Redrawing which member of an at-most-one group is true, in one step.
+//
+// Idea      In a matching every row and every column holds at most one pair. Changing one pair at a time has to pass through
+//           "no pair", and whatever soft formulas say about unmatched rows stands in the way. Here all members of a group compete at
+//           once: the one that is true, every other whose place is free, and none. Boolean variables that hang on the
+//           group's members alone ("this row is unmatched") are summed out of each choice and drawn again after it: given
+//           the rest they are independent of each other, so the sum is a product of 1 + exp(change of flipping it).
+// Source    Liu, JASA 89, 1994 (collapsing); the step is a Gibbs draw of (choice, leaves) given everything else.
+// Requires  Demands are those of the index and are met.
+// Cost      O(free members x (occurrences + leaves)).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "inference/rng.h"
+#include "inference/world.h"
+
+namespace sherlog {
+
+class GroupMoves {
+ public:
+  // Finds the groups (demanded at-most-one gates over atoms whose variables have one value outside the group) and the leaves.
+  GroupMoves(const WorldIndex& index, std::span<const VariableId> variables);
+
+  bool empty() const { return groups_.empty(); }
+  // Whether some group covers the variable (by network variable).
+  bool covers(VariableId v) const { return covered_[v.index()]; }
+  // One draw of every group in turn.
+  void sweep(World& world, Rng& rng);
+
+ private:
+  struct Member {
+    VariableId variable;
+    std::uint32_t value;   // that makes it true
+    std::uint32_t escape;  // the variable's value outside the group
+    std::uint32_t leaf_begin, leaf_end;
+  };
+  struct Group {
+    std::uint32_t gate;
+    std::uint32_t begin, end;  // members
+  };
+
+  void draw(World& world, Rng& rng, const Group& group);
+  // log of the sum over the leaves (each free to flip) of exp(score), relative to their current values.
+  double leaf_sum(World& world, std::span<const std::uint32_t> leaves) const;
+
+  std::vector<Group> groups_;
+  std::vector<Member> members_;
+  std::vector<std::uint32_t> leaves_;         // atoms, by member
+  std::vector<bool> covered_;
+  std::vector<std::uint32_t> own_leaves_, scratch_leaves_;
+  std::vector<double> weights_;
+  std::vector<std::uint32_t> choices_;
+};
+
+}  // namespace sherlog
