@@ -5,7 +5,7 @@
 namespace sherlog {
 namespace {
 
-constexpr std::size_t kMaxExcludedValues = 16;          // a positive literal excludes all other values of its variable
+constexpr std::size_t kMaxExcludedValues = 16;  // a positive literal excludes all other values of its variable
 constexpr std::uint64_t kMaxSteps = 100'000'000;
 
 struct Edge {

@@ -1,9 +1,9 @@
 // Groups of literals of which at most one is true, seen in pairwise hard clauses.
 //
-// Idea      "One-to-one" written as !P(a,b) v !P(a,c) for all b, c grounds to a clause for each pair. The pairs are the edges of
-//           a graph over (variable, value); values of one variable exclude each other too. A clique of it is one constraint
-//           "at most one", which a chain, a sampler's move or a linear inequality states in linear size. Cliques are grown
-//           greedily from edges not covered so far.
+// Idea      "One-to-one" written as !P(a,b) v !P(a,c) for all b, c grounds to a clause for each pair. The pairs are
+//           the edges of a graph over (variable, value); values of one variable exclude each other too. A clique of it
+//           is one constraint "at most one", which a chain, a sampler's move or a linear inequality states in linear
+//           size. Cliques are grown greedily from edges not covered so far.
 // Source    Biere et al., "Detecting cardinality constraints in CNF", SAT 2014 (there on clauses, greedily as well).
 // Cost      O(sum over groups of literals x neighbours); it stops looking after a fixed number of steps.
 #pragma once

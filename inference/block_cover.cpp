@@ -11,12 +11,13 @@ namespace {
 // A gate with more inputs than this ties its variables too loosely to say who belongs together.
 constexpr std::size_t kTightGate = 16;
 constexpr std::size_t kLongGate = 5;
+constexpr std::uint32_t kOutside = 0xffffffffu;
 
 class Grower {
  public:
   Grower(const WorldIndex& index, std::span<const VariableId> variables, const BlockCoverOptions& options)
       : index_(index), network_(index.network()), variables_(variables), options_(options) {
-    local_.assign(network_.variable_count(), 0xffffffffu);
+    local_.assign(network_.variable_count(), kOutside);
     for (std::uint32_t i = 0; i < variables.size(); ++i) local_[variables[i].index()] = i;
     find_neighbours();
   }
@@ -48,7 +49,9 @@ class Grower {
   std::vector<VariableId> variables_of(std::uint32_t gate) const {
     std::vector<VariableId> result;
     for (Literal input : network_.gate_inputs(GateId(gate))) {
-      if (input.is_atom()) result.push_back(network_.variable_of(input.atom()));
+      if (input.is_atom() && local(network_.variable_of(input.atom())) != kOutside) {
+        result.push_back(network_.variable_of(input.atom()));
+      }
     }
     std::ranges::sort(result);
     result.erase(std::unique(result.begin(), result.end()), result.end());
@@ -91,7 +94,7 @@ class Grower {
         continue;
       }
       const std::uint32_t other = local_[network_.variable_of(input.atom()).index()];
-      if (other != self) ties[other] += tie;
+      if (other != self && other != kOutside) ties[other] += tie;
     }
   }
 

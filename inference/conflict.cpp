@@ -32,8 +32,9 @@ void merge_into(std::vector<std::uint32_t>& set, const std::vector<std::uint32_t
 
 }  // namespace
 
-std::optional<Satisfiability> check_constraints(const GroundNetwork& network, std::span<const std::uint32_t> constraints,
-                                                std::uint64_t max_decisions, const StopCondition& stop) {
+std::optional<Satisfiability> check_constraints(const GroundNetwork& network,
+                                                std::span<const std::uint32_t> constraints, std::uint64_t max_decisions,
+                                                const StopCondition& stop) {
   Propagation propagation(network, constraints);
   Satisfiability result;
   if (!propagation.run()) {

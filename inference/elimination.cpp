@@ -14,7 +14,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kSafeLog = -650.0;
 // A product of plain numbers outside of these bounds is done again on logarithms.
 constexpr double kTiny = 1e-200, kHuge = 1e200;
-constexpr std::uint64_t kLargeTable = std::uint64_t{1} << 18;  // from here on every step of a bucket asks whether to stop
+constexpr std::uint64_t kLargeTable = std::uint64_t{1}
+                                      << 18;  // from here on every step of a bucket asks whether to stop
 
 // Calls visit(begin, offset, count, stride) for the innermost runs of a joined table, in its order: its entries
 // begin..begin+count-1 meet the smaller table's entries offset, offset + stride, ...
@@ -119,7 +120,8 @@ BucketTree::BucketTree(std::span<const std::uint32_t> cardinalities, std::span<c
       }
     };
     for (const auto& [is_message, index] : inbox[b]) collect(is_message ? message_scope[index] : scopes[index]);
-    std::sort(joined.begin(), joined.end(), [&](std::uint32_t a, std::uint32_t c) { return position[a] > position[c]; });
+    std::sort(joined.begin(), joined.end(),
+              [&](std::uint32_t a, std::uint32_t c) { return position[a] > position[c]; });
 
     Bucket bucket;
     bucket.variable = v;
@@ -143,8 +145,8 @@ BucketTree::BucketTree(std::span<const std::uint32_t> cardinalities, std::span<c
   }
 }
 
-void BucketTree::place_input(Bucket& bucket, const std::vector<std::uint32_t>& joined, std::span<const std::uint32_t> scope,
-                             bool is_message, std::uint32_t index) {
+void BucketTree::place_input(Bucket& bucket, const std::vector<std::uint32_t>& joined,
+                             std::span<const std::uint32_t> scope, bool is_message, std::uint32_t index) {
   Input input;
   input.is_message = is_message;
   input.index = index;
@@ -418,7 +420,8 @@ SumProductResult finish(TwoPasses<kLogarithms>& passes, bool possible, bool with
 
 }  // namespace
 
-SumProductResult sum_product(const BucketTree& tree, const LogTables& tables, const StopCondition& stop, bool with_marginals) {
+SumProductResult sum_product(const BucketTree& tree, const LogTables& tables, const StopCondition& stop,
+                             bool with_marginals) {
   {
     TwoPasses<false> passes(tree, tables, stop);
     const bool possible = passes.upward();
@@ -492,8 +495,8 @@ MaxSumResult max_sum(const BucketTree& tree, const LogTables& tables, const Stop
 // ---------------------------------------------------------------------------------------------------------------------
 // EliminationPlan
 
-EliminationPlan::EliminationPlan(std::vector<std::uint32_t> cardinalities, std::vector<std::vector<std::uint32_t>> scopes,
-                                 const OrderLimits& limits) {
+EliminationPlan::EliminationPlan(std::vector<std::uint32_t> cardinalities,
+                                 std::vector<std::vector<std::uint32_t>> scopes, const OrderLimits& limits) {
   const EliminationOrder found = find_elimination_order(cardinalities, scopes, limits);
   largest_log2_ = found.largest_log2;
   cost_ = std::exp2(found.total_log2);
@@ -528,7 +531,8 @@ std::span<double> EliminationPlan::table(std::size_t index) {
 }
 
 std::span<const double> EliminationPlan::content(const BucketTree::Input& input) const {
-  if (input.is_message) return {storage_.data() + message_start_[input.index], tree_.buckets()[input.index].message_size};
+  if (input.is_message)
+    return {storage_.data() + message_start_[input.index], tree_.buckets()[input.index].message_size};
   return {storage_.data() + table_start_[input.index], tree_.table_sizes()[input.index]};
 }
 

@@ -1,14 +1,16 @@
 // Variable elimination on a tree of buckets: sums, maxima and exact draws of a product of tables.
 //
-// Idea      Every variable has a bucket. A table goes to the bucket of whichever of its variables is eliminated first. The
-//           bucket multiplies its tables and the messages it got, removes its variable (by sum or maximum) and sends what is
-//           left to the bucket of the next variable in there. The last messages are numbers whose product is the partition
-//           sum. Backwards, each bucket knows the distribution of its variable given the later ones, which gives draws and
-//           most probable assignments; and a second wave of messages gives every marginal: a bucket's belief, divided by what
-//           the child had sent, is what the child did not know (0/0 = 0: what was impossible stays so).
-//           Only messages are stored; the joined table is a scratch that is made again on the way back.
-// Numbers   Plain products with every message scaled to maximum 1, as long as no product can underflow (the smallest entry of
-//           each table is tracked); otherwise everything is done again on logarithms, at several times the cost.
+// Idea      Every variable has a bucket. A table goes to the bucket of whichever of its variables is eliminated first.
+//           The bucket multiplies its tables and the messages it got, removes its variable (by sum or maximum) and
+//           sends what is left to the bucket of the next variable in there. The last messages are numbers whose
+//           product is the partition sum. Backwards, each bucket knows the distribution of its variable given the
+//           later ones, which gives draws and most probable assignments; and a second wave of messages gives every
+//           marginal: a bucket's belief, divided by what the child had sent, is what the child did not know (0/0 = 0:
+//           what was impossible stays so). Only messages are stored; the joined table is a scratch that is made again
+//           on the way back.
+// Numbers   Plain products with every message scaled to maximum 1, as long as no product can underflow (the smallest
+//           entry of each table is tracked); otherwise everything is done again on logarithms, at several times the
+//           cost.
 // Source    Dechter, Artificial Intelligence 113, 1999 (buckets); Jensen, Lauritzen & Olesen, CSQ 4, 1990 (division).
 // Cost      time O(sum of joined tables x tables joined), memory: messages plus the largest joined table.
 #pragma once
@@ -28,7 +30,8 @@ class BucketTree {
  public:
   static constexpr double kMaxJoinedLog2 = 31.0;
 
-  // How a smaller table is walked while a joined table is walked in order: nested loops, outermost first, neighbours fused.
+  // How a smaller table is walked while a joined table is walked in order: nested loops, outermost first, neighbours
+  // fused.
   struct Loop {
     std::uint32_t count = 1;
     std::uint32_t stride = 0;
@@ -39,16 +42,16 @@ class BucketTree {
   };
   struct Input {
     bool is_message = false;
-    std::uint32_t index = 0;           // of the table, or of the bucket that sends
+    std::uint32_t index = 0;  // of the table, or of the bucket that sends
     std::uint32_t loop_begin = 0, loop_end = 0;
-    std::uint32_t own_stride = 0;      // of the bucket's variable
+    std::uint32_t own_stride = 0;                            // of the bucket's variable
     std::uint32_t coordinate_begin = 0, coordinate_end = 0;  // of the other variables
   };
   struct Bucket {
     std::uint32_t variable = 0;
     std::uint32_t cardinality = 1;
     std::uint32_t input_begin = 0, input_end = 0;
-    std::uint64_t message_size = 1;     // joined table: message_size * cardinality, the bucket's variable runs fastest
+    std::uint64_t message_size = 1;  // joined table: message_size * cardinality, the bucket's variable runs fastest
   };
 
   BucketTree() = default;
@@ -60,8 +63,12 @@ class BucketTree {
   std::size_t variable_count() const { return cardinalities_.size(); }
   std::uint32_t cardinality(std::uint32_t variable) const { return cardinalities_[variable]; }
   std::span<const Bucket> buckets() const { return buckets_; }
-  std::span<const Input> inputs(const Bucket& b) const { return {inputs_.data() + b.input_begin, b.input_end - b.input_begin}; }
-  std::span<const Loop> loops(const Input& i) const { return {loops_.data() + i.loop_begin, i.loop_end - i.loop_begin}; }
+  std::span<const Input> inputs(const Bucket& b) const {
+    return {inputs_.data() + b.input_begin, b.input_end - b.input_begin};
+  }
+  std::span<const Loop> loops(const Input& i) const {
+    return {loops_.data() + i.loop_begin, i.loop_end - i.loop_begin};
+  }
   std::span<const Coordinate> coordinates(const Input& i) const {
     return {coordinates_.data() + i.coordinate_begin, i.coordinate_end - i.coordinate_begin};
   }
@@ -71,8 +78,8 @@ class BucketTree {
   std::uint64_t total_messages() const { return total_messages_; }  // entries of all messages
 
  private:
-  void place_input(Bucket& bucket, const std::vector<std::uint32_t>& joined, std::span<const std::uint32_t> scope, bool is_message,
-                   std::uint32_t index);
+  void place_input(Bucket& bucket, const std::vector<std::uint32_t>& joined, std::span<const std::uint32_t> scope,
+                   bool is_message, std::uint32_t index);
 
   std::vector<std::uint32_t> cardinalities_;
   std::vector<Bucket> buckets_;  // in elimination order
@@ -108,16 +115,16 @@ struct MaxSumResult {
 
 MaxSumResult max_sum(const BucketTree& tree, const LogTables& tables, const StopCondition& stop);
 
-// Exact draws from the product of a few tables whose contents change and whose shape does not: built once, then filled, prepared
-// and drawn from as often as one likes without an allocation. A table is in plain (not logarithmic) numbers >= 0; its last
-// variable runs fastest; no scope is empty.
+// Exact draws from the product of a few tables whose contents change and whose shape does not: built once, then
+// filled, prepared and drawn from as often as one likes without an allocation. A table is in plain (not logarithmic)
+// numbers >= 0; its last variable runs fastest; no scope is empty.
 class EliminationPlan {
  public:
   EliminationPlan(std::vector<std::uint32_t> cardinalities, std::vector<std::vector<std::uint32_t>> scopes,
                   const OrderLimits& limits = {});
 
-  // Entries of all joined tables: the time of one `prepare`. Known before memory is taken: the tables are made by the first call
-  // of `table` or `prepare`. Infinity where the tables cannot be numbered; then the plan is of no use.
+  // Entries of all joined tables: the time of one `prepare`. Known before memory is taken: the tables are made by the
+  // first call of `table` or `prepare`. Infinity where the tables cannot be numbered; then the plan is of no use.
   double cost() const { return cost_; }
   double largest_log2() const { return largest_log2_; }
   std::size_t memory_bytes() const;  // of the tables, made or not

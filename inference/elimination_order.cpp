@@ -1,24 +1,24 @@
 #include "inference/elimination_order.h"
 
 #include <algorithm>
+#include <boost/graph/adjacency_list.hpp>
+#include <boost/graph/minimum_degree_ordering.hpp>
 #include <cmath>
 #include <optional>
 #include <queue>
 #include <tuple>
 #include <utility>
 
-#include <boost/graph/adjacency_list.hpp>
-#include <boost/graph/minimum_degree_ordering.hpp>
-
 namespace sherlog {
 namespace {
 
 using Adjacency = std::vector<std::vector<std::uint32_t>>;  // sorted neighbours
 
-constexpr std::uint32_t kDegreeForExactFill = 400;  // beyond it the fill is bounded by degree^2 / 2: it is not competitive
-constexpr double kHopelessMargin = 16.0;            // log2 beyond the limit where better orders are no longer sought
-constexpr double kEndMargin = 64.0;                 // log2 beyond the limit where an order is not even completed
-constexpr double kWorthShuffling = 11.0;            // log2 of a largest table for which shuffled ties are tried
+constexpr std::uint32_t kDegreeForExactFill =
+    400;                                  // beyond it the fill is bounded by degree^2 / 2: it is not competitive
+constexpr double kHopelessMargin = 16.0;  // log2 beyond the limit where better orders are no longer sought
+constexpr double kEndMargin = 64.0;       // log2 beyond the limit where an order is not even completed
+constexpr double kWorthShuffling = 11.0;  // log2 of a largest table for which shuffled ties are tried
 constexpr int kShuffles = 12;
 
 struct Problem {
@@ -92,7 +92,10 @@ class Elimination {
   enum class Rule { kWeight, kFill };
 
   Elimination(const Problem& problem, std::uint64_t& steps_left, double max_table_log2)
-      : problem_(problem), adjacency_(problem.adjacency), steps_left_(steps_left), mark_(adjacency_.size(), 0),
+      : problem_(problem),
+        adjacency_(problem.adjacency),
+        steps_left_(steps_left),
+        mark_(adjacency_.size(), 0),
         give_up_log2_(max_table_log2 + kEndMargin) {
     total_ = problem.prefix_total;
     largest_ = problem.prefix_largest;
@@ -137,7 +140,8 @@ class Elimination {
     std::uint64_t tie;
     std::uint32_t vertex, version;
     bool operator>(const Entry& other) const {
-      return std::tie(primary, secondary, tie, vertex) > std::tie(other.primary, other.secondary, other.tie, other.vertex);
+      return std::tie(primary, secondary, tie, vertex) >
+             std::tie(other.primary, other.secondary, other.tie, other.vertex);
     }
   };
 
@@ -303,8 +307,8 @@ class Elimination {
 std::vector<std::uint32_t> minimum_degree(const Problem& problem) {
   using Graph = boost::adjacency_list<boost::vecS, boost::vecS, boost::directedS>;
   const std::size_t n = problem.adjacency.size();
-  // Boost's function (1.74) reads past its last bucket where a vertex is joined to all others, complete graphs first of all;
-  // an isolated vertex more gives it the missing bucket.
+  // Boost's function (1.74) reads past its last bucket where a vertex is joined to all others, complete graphs first
+  // of all; an isolated vertex more gives it the missing bucket.
   const std::size_t padded = n + 1;
   Graph graph(padded);
   for (std::size_t v = 0; v < n; ++v) {
@@ -312,8 +316,9 @@ std::vector<std::uint32_t> minimum_degree(const Problem& problem) {
   }
   const auto index = boost::get(boost::vertex_index, graph);
   std::vector<int> degree(padded, 0), inverse_permutation(padded, 0), permutation(padded, 0), supernode(padded, 1);
-  boost::minimum_degree_ordering(graph, boost::make_iterator_property_map(degree.begin(), index), inverse_permutation.data(),
-                                 permutation.data(), boost::make_iterator_property_map(supernode.begin(), index), 0, index);
+  boost::minimum_degree_ordering(graph, boost::make_iterator_property_map(degree.begin(), index),
+                                 inverse_permutation.data(), permutation.data(),
+                                 boost::make_iterator_property_map(supernode.begin(), index), 0, index);
   std::vector<std::uint32_t> order;
   order.reserve(n);
   for (const int v : permutation) {
@@ -333,10 +338,14 @@ EliminationOrder find_elimination_order(std::span<const std::uint32_t> cardinali
   const double inf = std::numeric_limits<double>::infinity();
   const auto start = [&] { return Elimination(problem, steps, limits.max_table_log2); };
   EliminationOrder best = start().greedy(Elimination::Rule::kWeight, 0, inf);
+  // Within the limit at all, then least work.
+  const auto fits = [&](const EliminationOrder& o) { return o.complete && o.largest_log2 <= limits.max_table_log2; };
   const auto improve = [&](EliminationOrder candidate) {
-    if (candidate.complete && (!best.complete || candidate.total_log2 < best.total_log2)) best = std::move(candidate);
+    if (!candidate.complete || (best.complete && fits(best) && !fits(candidate))) return;
+    const bool newly_fits = fits(candidate) && !fits(best);
+    if (!best.complete || newly_fits || candidate.total_log2 < best.total_log2) best = std::move(candidate);
   };
-  const auto bound = [&] { return best.complete ? std::exp2(best.total_log2) : inf; };
+  const auto bound = [&] { return fits(best) ? std::exp2(best.total_log2) : inf; };
 
   const std::size_t rest = cardinalities.size() - problem.prefix.size();
   if (rest <= 2) return best;

@@ -1,17 +1,18 @@
 #include "inference/exact.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <condition_variable>
 #include <limits>
 #include <mutex>
+#include <new>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "inference/conflict.h"
 #include "inference/elimination.h"
@@ -22,6 +23,9 @@ namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// All joined tables together may have 2^5 times the entries of the largest one allowed: about half of that is stored as
+// messages (2 GB at the default of 2^24).
+constexpr double kTotalMargin = 5.0;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // A component compiled and ordered, but not yet computed.
@@ -39,8 +43,8 @@ Prepared prepare(const GroundNetwork& network, ComponentId component, const Infe
   OrderLimits limits;
   limits.max_table_log2 = options.max_table_log2;
   out.order = find_elimination_order(out.graph.cardinalities, out.graph.scopes, limits, out.graph.sweep);
-  // Tables twice (logarithms and plain numbers), the largest joined table twice (with its separator), and the messages, which
-  // are at most half of all joined tables.
+  // Tables twice (logarithms and plain numbers), the largest joined table twice (with its separator), and the
+  // messages, which are at most half of all joined tables.
   out.bytes = 2.0 * static_cast<double>(out.graph.table_bytes) +
               sizeof(double) * (2.0 * std::exp2(out.order.largest_log2) + 0.5 * std::exp2(out.order.total_log2));
   return out;
@@ -48,7 +52,20 @@ Prepared prepare(const GroundNetwork& network, ComponentId component, const Infe
 
 bool narrow_enough(const Prepared& prepared, const InferenceOptions& options) {
   return prepared.order.complete && prepared.order.largest_log2 <= options.max_table_log2 &&
-         prepared.order.largest_log2 < BucketTree::kMaxJoinedLog2;
+         prepared.order.largest_log2 < BucketTree::kMaxJoinedLog2 &&
+         prepared.order.total_log2 <= options.max_table_log2 + kTotalMargin;
+}
+
+// "its largest table would have 2^97 entries (limit 2^24)"
+std::string how_wide(const EliminationOrder& order, double limit) {
+  const double largest = std::ceil(order.largest_log2 - 1e-9), total = std::ceil(order.total_log2 - 1e-9);
+  if (!order.complete) {
+    return fmt::format("its largest table would have at least 2^{:g} entries (limit 2^{:g})", std::max(largest, limit),
+                       limit);
+  }
+  if (order.largest_log2 > limit)
+    return fmt::format("its largest table would have 2^{:g} entries (limit 2^{:g})", largest, limit);
+  return fmt::format("its tables would have 2^{:g} entries together (limit 2^{:g})", total, limit + kTotalMargin);
 }
 
 // "1,234,567"
@@ -62,16 +79,17 @@ std::string grouped(std::size_t count) {
 }
 
 std::string describe(const GroundNetwork& network, ComponentId component) {
-  return fmt::format("component {} ({} variables)", component.value + 1, grouped(network.component_variables(component).size()));
+  return fmt::format("component {} ({} variables)", component.value + 1,
+                     grouped(network.component_variables(component).size()));
 }
 
 struct Answer {
   bool started = false;
   Termination termination = Termination::kCompleted;
   std::string message;
-  double log_partition = 0.0;               // or the best score
-  std::vector<double> probabilities;        // by component query
-  std::vector<std::uint32_t> values;        // by component variable
+  double log_partition = 0.0;         // or the best score
+  std::vector<double> probabilities;  // by component query
+  std::vector<std::uint32_t> values;  // by component variable
   std::vector<std::uint32_t> conflict;
 };
 
@@ -103,7 +121,9 @@ class MemoryGate {
 class ExactRun {
  public:
   ExactRun(const MethodContext& context, bool for_map)
-      : context_(context), for_map_(for_map), answers_(context.components.size()),
+      : context_(context),
+        for_map_(for_map),
+        answers_(context.components.size()),
         gate_(static_cast<double>(context.options.max_memory)) {}
 
   MethodResult run() {
@@ -133,17 +153,22 @@ class ExactRun {
   Answer answer(ComponentId component) {
     Answer out;
     out.started = true;
-    const Prepared prepared =
-        prepare(context_.network, component, context_.options, context_.atom_bias, !for_map_);
+    const Prepared prepared = prepare(context_.network, component, context_.options, context_.atom_bias, !for_map_);
     if (!prepared.graph.possible) {
       return impossible(prepared.graph.conflict);
     }
     if (refuse(component, prepared, out)) return out;
     gate_.enter(prepared.bytes);
-    if (for_map_) {
-      maximise(prepared, component, out);
-    } else {
-      sum(prepared, out);
+    try {
+      if (for_map_) {
+        maximise(prepared, component, out);
+      } else {
+        sum(prepared, out);
+      }
+    } catch (const std::bad_alloc&) {
+      out.termination = Termination::kMemoryLimit;
+      out.message = fmt::format("the machine has no memory for {} ({:.0f} MB)", describe(context_.network, component),
+                                std::ceil(prepared.bytes / 1e6));
     }
     gate_.leave(prepared.bytes);
     if (out.termination == Termination::kCompleted && out.log_partition == -kInfinity) {
@@ -167,17 +192,16 @@ class ExactRun {
     const bool tables_too_large = prepared.graph.too_large;
     if (!tables_too_large && !narrow_enough(prepared, options)) {
       out.termination = Termination::kTooWide;
-      out.message = fmt::format(
-          "{} is too wide for exact: its largest table would have {}2^{:.0f} entries (limit 2^{:g}); use --method {}",
-          describe(context_.network, component), prepared.order.complete ? "" : "at least ",
-          std::ceil(std::max(prepared.order.largest_log2 - 1e-9, prepared.order.complete ? 0.0 : options.max_table_log2)), options.max_table_log2, for_map_ ? "map" : "mcsat");
+      out.message = fmt::format("{} is too wide for exact: {}; use --method {}", describe(context_.network, component),
+                                how_wide(prepared.order, options.max_table_log2), for_map_ ? "map" : "mcsat");
       return true;
     }
     if (tables_too_large || prepared.bytes > static_cast<double>(options.max_memory)) {
       const double bytes = std::max(prepared.bytes, static_cast<double>(prepared.graph.table_bytes));
       out.termination = Termination::kMemoryLimit;
-      out.message = fmt::format("{} needs {}{:.0f} MB for exact, which exceeds the memory limit", describe(context_.network, component),
-                                tables_too_large ? "more than " : "", std::ceil(bytes / 1e6));
+      out.message = fmt::format("{} needs {}{:.0f} MB for exact, which exceeds the memory limit",
+                                describe(context_.network, component), tables_too_large ? "more than " : "",
+                                std::ceil(bytes / 1e6));
       return true;
     }
     return false;
@@ -253,11 +277,15 @@ class ExactRun {
     // What is certain outweighs what was merely not tried; of equals the first component speaks.
     const auto weight = [](Termination t) {
       switch (t) {
-        case Termination::kNoPossibleWorld: return 3;
+        case Termination::kNoPossibleWorld:
+          return 3;
         case Termination::kTooWide:
-        case Termination::kMemoryLimit: return 2;
-        case Termination::kCompleted: return 0;
-        default: return 1;
+        case Termination::kMemoryLimit:
+          return 2;
+        case Termination::kCompleted:
+          return 0;
+        default:
+          return 1;
       }
     };
     const Termination unstarted = context_.stop.interrupted() ? Termination::kInterrupted : Termination::kTimeLimit;
@@ -284,7 +312,8 @@ class ExactRun {
     if (result.termination == Termination::kTooWide || result.termination == Termination::kMemoryLimit) {
       if (too_large > 1) result.message += fmt::format(" ({} more likewise)", grouped(too_large - 1));
     } else if (result.message.empty()) {
-      result.message = fmt::format("stopped with {} of {} components answered", grouped(answered), grouped(answers_.size()));
+      result.message =
+          fmt::format("stopped with {} of {} components answered", grouped(answered), grouped(answers_.size()));
     }
   }
 

@@ -1,15 +1,16 @@
 // Exact marginals, partition sums and most probable worlds, by variable elimination on each component.
 //
-// Idea      A component is compiled to tables (factor_graph.h: hard constraints shrink them, long disjunctions become chains),
-//           an order is sought that keeps joined tables small (elimination_order.h), and two waves of messages give every
-//           marginal at once (elimination.h). The largest joined table decides: a component whose table would exceed
-//           options.max_table_log2 or the memory is left out with a message that says how wide it is; the others are answered.
+// Idea      A component is compiled to tables (factor_graph.h: hard constraints shrink them, long disjunctions become
+//           chains), an order is sought that keeps joined tables small (elimination_order.h), and two waves of
+//           messages give every marginal at once (elimination.h). The largest joined table decides: a component whose
+//           table would exceed options.max_table_log2 or the memory is left out with a message that says how wide it
+//           is; the others are answered.
 // Input     MethodContext: components, atom_bias (added to the score where the atom is true)
-// Output    marginals of the queries of these components (NaN where a component could not be answered, as far as it was asked
-//           for), log_partition where all were answered
+// Output    marginals of the queries of these components (NaN where a component could not be answered, as far as it
+//           was asked for), log_partition where all were answered
 // Errors    kTooWide, kMemoryLimit, kTimeLimit, kInterrupted with what was found; kNoPossibleWorld with `conflict`
-// Cost      O(sum of joined tables); exact_cost() tells beforehand. Components run in parallel; the answer does not depend on
-//           the number of threads.
+// Cost      O(sum of joined tables); exact_cost() tells beforehand. Components run in parallel; the answer does not
+//           depend on the number of threads.
 #pragma once
 
 #include "inference/inference.h"
@@ -25,8 +26,8 @@ struct ExactCost {
   double largest_log2 = 0.0;  // entries of the largest joined table
   double total_log2 = 0.0;    // entries of all joined tables: a measure of time, about 2^29 of them a second
   double bytes = 0.0;
-  bool possible = true;       // false: propagation alone found a contradiction
-  bool feasible = false;      // within the options' table and memory limits
+  bool possible = true;   // false: propagation alone found a contradiction
+  bool feasible = false;  // within the options' table and memory limits
 };
 ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options);
 

@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kPairJoint = 65536;  // a formula over two variables with so many joint values becomes one table
-constexpr std::uint64_t kSharedJoint = 4096;   // one whose variables have many formulas
-constexpr std::uint64_t kLargePair = 64;       // two tests whose variables are larger get an indicator each
+constexpr std::uint64_t kSharedJoint = 4096;  // one whose variables have many formulas
+constexpr std::uint64_t kLargePair = 64;      // two tests whose variables are larger get an indicator each
 constexpr std::uint32_t kNone = 0xffffffffu;
 
 std::uint64_t hash_words(const std::vector<std::uint32_t>& words) {
@@ -148,10 +148,10 @@ class Compiler {
 
   struct GateInfo {
     GateId id;
-    Truth truth = Truth::kOpen;           // by propagation, or as its inputs say
-    bool demanded = false;                // propagation says so, its inputs do not: to be enforced
-    bool wide = false;                    // too many joint values to list: `support` is not kept
-    std::vector<std::uint32_t> support;   // variables of the graph, sorted
+    Truth truth = Truth::kOpen;          // by propagation, or as its inputs say
+    bool demanded = false;               // propagation says so, its inputs do not: to be enforced
+    bool wide = false;                   // too many joint values to list: `support` is not kept
+    std::vector<std::uint32_t> support;  // variables of the graph, sorted
     std::uint64_t joint = 1;
     std::optional<ValueTest> test;
   };
@@ -159,7 +159,8 @@ class Compiler {
   void collect_gates() {
     std::vector<std::uint32_t> stack;
     const auto push = [&](Literal literal) {
-      if (literal.is_gate() && local_gate_.emplace(literal.gate().value, 0).second) stack.push_back(literal.gate().value);
+      if (literal.is_gate() && local_gate_.emplace(literal.gate().value, 0).second)
+        stack.push_back(literal.gate().value);
     };
     for (const std::uint32_t f : network_.component_features(component_)) push(network_.features()[f].literal);
     for (const std::uint32_t c : network_.component_constraints(component_)) push(network_.constraints()[c].literal);
@@ -214,7 +215,8 @@ class Compiler {
       if (t == Truth::kOpen) ++open;
     }
     // Both kinds are monotone in the number of true inputs.
-    const bool least = gate_truth(network_.gate_kind(g), satisfied), most = gate_truth(network_.gate_kind(g), satisfied + open);
+    const bool least = gate_truth(network_.gate_kind(g), satisfied),
+               most = gate_truth(network_.gate_kind(g), satisfied + open);
     if (least != most) return Truth::kOpen;
     return least ? Truth::kTrue : Truth::kFalse;
   }
@@ -297,7 +299,8 @@ class Compiler {
     if (one_table(gate)) {
       const BitTable bits = truth_table(gate.id, gate.support);
       std::vector<double> table(gate.joint);
-      for (std::size_t i = 0; i < table.size(); ++i) table[i] = (bits[i / 64] >> (i % 64) & 1u) != 0 ? when_true : when_false;
+      for (std::size_t i = 0; i < table.size(); ++i)
+        table[i] = (bits[i / 64] >> (i % 64) & 1u) != 0 ? when_true : when_false;
       add_table(gate.support, table);
       return;
     }
@@ -354,7 +357,8 @@ class Compiler {
         if (input.is_gate()) {
           bits = tables.at(local_gate_.at(input.gate().value));
         } else {
-          bits = test_table(value_test(network_.variable_of(input.atom()), network_.value_of(input.atom())), scope, joint);
+          bits =
+              test_table(value_test(network_.variable_of(input.atom()), network_.value_of(input.atom())), scope, joint);
         }
         if (input.negated()) {
           for (auto& word : bits) word = ~word;
@@ -373,7 +377,8 @@ class Compiler {
           if (kind == GateKind::kIff) table[w] = ~(table[w] ^ other[w]);
         }
       }
-      for (std::size_t w = 0; w < words && kind != GateKind::kIff; ++w) table[w] = kind == GateKind::kOr ? any[w] : ~two[w];
+      for (std::size_t w = 0; w < words && kind != GateKind::kIff; ++w)
+        table[w] = kind == GateKind::kOr ? any[w] : ~two[w];
     }
     return tables.at(below[0]);
   }
@@ -439,7 +444,8 @@ class Compiler {
           if (!is_or) out.push_back(input);
           continue;
         }
-        const bool nested = is_or && input.is_gate() && !input.negated() && network_.gate_kind(input.gate()) == GateKind::kOr;
+        const bool nested =
+            is_or && input.is_gate() && !input.negated() && network_.gate_kind(input.gate()) == GateKind::kOr;
         if (!nested) {
           out.push_back(input);
         } else if (seen.emplace(input.gate().value, true).second) {
@@ -493,8 +499,8 @@ class Compiler {
     return aux;
   }
 
-  // Joins tests of the same variable and whole at-most-one groups, drops constants, sorts by the variables' order. False: the
-  // OR is true for certain.
+  // Joins tests of the same variable and whole at-most-one groups, drops constants, sorts by the variables' order.
+  // False: the OR is true for certain.
   bool join_tests(std::vector<ValueTest>& tests) {
     std::map<std::uint32_t, ValueTest> by_variable;
     for (const ValueTest& test : tests) {
@@ -525,7 +531,8 @@ class Compiler {
     std::vector<std::uint32_t> candidates;
     for (const auto& [variable, test] : by_variable) {
       const auto found = groups_starting_at_.find(variable);
-      if (found != groups_starting_at_.end()) candidates.insert(candidates.end(), found->second.begin(), found->second.end());
+      if (found != groups_starting_at_.end())
+        candidates.insert(candidates.end(), found->second.begin(), found->second.end());
     }
     for (const std::uint32_t g : candidates) {
       const Group& group = groups_[g];
@@ -582,7 +589,9 @@ class Compiler {
     return aux;
   }
 
-  bool large_pair(const ValueTest& a, const ValueTest& b) const { return a.accepted.size() * b.accepted.size() > kLargePair; }
+  bool large_pair(const ValueTest& a, const ValueTest& b) const {
+    return a.accepted.size() * b.accepted.size() > kLargePair;
+  }
 
   // a v b, or a <=> b, as a test of one variable.
   ValueTest combined(ValueTest a, ValueTest b, Operation operation) {
@@ -593,7 +602,8 @@ class Compiler {
     }
     if (a.variable == b.variable) {
       for (std::size_t k = 0; k < a.accepted.size(); ++k) {
-        const bool truth = operation == Operation::kOr ? (a.accepted[k] | b.accepted[k]) != 0 : a.accepted[k] == b.accepted[k];
+        const bool truth =
+            operation == Operation::kOr ? (a.accepted[k] | b.accepted[k]) != 0 : a.accepted[k] == b.accepted[k];
         a.accepted[k] = truth ? 1 : 0;
       }
       return simplified(a);
@@ -618,9 +628,11 @@ class Compiler {
     return aux;
   }
 
-  // The OR of the tests (of different variables, sorted), link by link; with `at_most_one` two of them exclude each other.
+  // The OR of the tests (of different variables, sorted), link by link; with `at_most_one` two of them exclude each
+  // other.
   ValueTest chain(const std::vector<ValueTest>& tests, bool at_most_one) {
-    ValueTest any = tests[0];
+    // The state along a long chain is a bit from its first link on, not that link's whole variable.
+    ValueTest any = tests.size() > 2 ? indicator(tests[0]) : tests[0];
     for (std::size_t i = 1; i < tests.size(); ++i) {
       if (at_most_one) {
         add_binary(any, tests[i], [](bool a, bool b) { return a && b ? -kInfinity : 0.0; });
@@ -633,7 +645,8 @@ class Compiler {
   // "At most one of these holds" as a truth that may be false too: a second chain knows whether two did.
   ValueTest at_most_one_test(std::vector<ValueTest> tests) {
     const auto key = [&](const ValueTest& test) { return test.is_constant() ? 0 : key_[test.variable]; };
-    std::stable_sort(tests.begin(), tests.end(), [&](const ValueTest& a, const ValueTest& b) { return key(a) < key(b); });
+    std::stable_sort(tests.begin(), tests.end(),
+                     [&](const ValueTest& a, const ValueTest& b) { return key(a) < key(b); });
     ValueTest any = ValueTest::constant(false), two = ValueTest::constant(false);
     for (const ValueTest& test : tests) {
       two = combined(two, negation(combined(negation(any), negation(test), Operation::kOr)), Operation::kOr);
@@ -651,7 +664,8 @@ class Compiler {
 
   void add_groups() {
     const AtMostOne found = find_at_most_one(network_, component_);
-    for (const std::uint32_t c : found.covered) covered_gates_.push_back(network_.constraints()[c].literal.gate().value);
+    for (const std::uint32_t c : found.covered)
+      covered_gates_.push_back(network_.constraints()[c].literal.gate().value);
     std::sort(covered_gates_.begin(), covered_gates_.end());
     for (const auto& literals : found.groups) {
       std::vector<ValueTest> tests;
@@ -698,7 +712,8 @@ class Compiler {
     }
     if (a.variable == b.variable) {
       std::vector<double> table;
-      for (std::size_t k = 0; k < a.accepted.size(); ++k) table.push_back(value(a.accepted[k] != 0, b.accepted[k] != 0));
+      for (std::size_t k = 0; k < a.accepted.size(); ++k)
+        table.push_back(value(a.accepted[k] != 0, b.accepted[k] != 0));
       add_table({a.variable}, table);
       return;
     }
@@ -734,7 +749,8 @@ class Compiler {
         const std::size_t value = rest % graph_.cardinalities[scope[d]];
         rest /= graph_.cardinalities[scope[d]];
         std::size_t stride = 1;
-        for (std::size_t e = sorted.size(); sorted[e - 1] != scope[d]; --e) stride *= graph_.cardinalities[sorted[e - 1]];
+        for (std::size_t e = sorted.size(); sorted[e - 1] != scope[d]; --e)
+          stride *= graph_.cardinalities[sorted[e - 1]];
         index += value * stride;
       }
       target[index] += table[i];
@@ -746,9 +762,10 @@ class Compiler {
   const FactorGraphOptions& options_;
   Propagation propagation_;
   FactorGraph graph_;
-  std::vector<std::uint32_t> key_;  // by variable of the graph: where in the network it stands (an auxiliary one: its last input)
+  std::vector<std::uint32_t>
+      key_;  // by variable of the graph: where in the network it stands (an auxiliary one: its last input)
   std::unordered_map<std::uint32_t, std::uint32_t> binding_of_, local_gate_;
-  std::vector<GateInfo> gates_;     // sorted by id
+  std::vector<GateInfo> gates_;  // sorted by id
   std::vector<Root> roots_;
   std::unordered_map<std::vector<std::uint32_t>, std::uint64_t, WordsHash> formulas_on_;
   std::unordered_map<std::vector<std::uint32_t>, std::uint32_t, WordsHash> table_of_;
@@ -760,7 +777,8 @@ class Compiler {
 
 }  // namespace
 
-FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component, const FactorGraphOptions& options) {
+FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component,
+                                 const FactorGraphOptions& options) {
   return Compiler(network, component, options).run();
 }
 

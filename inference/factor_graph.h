@@ -1,13 +1,15 @@
 // A component of a ground network as multi-valued variables and dense tables: what elimination works on.
 //
-// Idea      Hard constraints are propagated first; values they exclude are dropped and formulas they decide vanish. A formula
-//           over few joint values becomes one table. A longer one gets auxiliary boolean variables that its inputs determine:
-//           an OR of n inputs becomes the chain p_i = p_(i-1) v input_i in the order of the variables, so that the state to
-//           carry along is one bit instead of n variables; an IFF compares two of them. Inputs of one variable are joined to
-//           one test "its value is among these". Chains with equal beginnings share them, an at-most-one group is the same
-//           chain plus "not both p_(i-1) and input_i", and an OR that contains a whole group uses its end: formulas about the
-//           same row or column cost one bit together. Auxiliary variables have one value for each world, so sums are unchanged.
-// Source    Díez & Galán, Int. J. Intelligent Systems 18, 2003 (causal independence by auxiliary variables), for chains.
+// Idea      Hard constraints are propagated first; values they exclude are dropped and formulas they decide vanish. A
+//           formula over few joint values becomes one table. A longer one gets auxiliary boolean variables that its
+//           inputs determine: an OR of n inputs becomes the chain p_i = p_(i-1) v input_i in the order of the
+//           variables, so that the state to carry along is one bit instead of n variables; an IFF compares two of
+//           them. Inputs of one variable are joined to one test "its value is among these". Chains with equal
+//           beginnings share them, an at-most-one group is the same chain plus "not both p_(i-1) and input_i", and an
+//           OR that contains a whole group uses its end: formulas about the same row or column cost one bit together.
+//           Auxiliary variables have one value for each world, so sums are unchanged.
+// Source    Díez & Galán, Int. J. Intelligent Systems 18, 2003 (causal independence by auxiliary variables), for
+//           chains.
 // Cost      O(gates x joint values of small formulas + tables), memory of the tables.
 #pragma once
 
@@ -33,22 +35,23 @@ struct ValueTest {
 };
 
 struct FactorGraph {
-  // A network variable: its values that are left, by value of the graph's variable; fixed where `variable` is kConstant.
+  // A network variable: its values that are left, by value of the graph's variable; fixed where `variable` is
+  // kConstant.
   struct Binding {
     std::uint32_t variable = ValueTest::kConstant;
     std::vector<std::uint32_t> values;
   };
 
-  bool possible = true;                // false: propagation alone found a contradiction
-  std::vector<std::uint32_t> conflict; // then: constraints that take part in it
-  bool too_large = false;              // the tables alone exceed the memory limit
-  double constant = 0.0;               // log: what is decided
-  std::vector<std::uint32_t> cardinalities;         // network variables first, auxiliary ones behind
-  std::vector<std::uint32_t> sweep;                 // all variables, each where the network's order last needs it
-  std::vector<std::vector<std::uint32_t>> scopes;   // distinct, sorted, not empty
-  std::vector<std::vector<double>> tables;          // natural logarithms, the last variable runs fastest
-  std::vector<Binding> bindings;                    // in the order of network.component_variables()
-  std::vector<ValueTest> queries;                   // in the order of network.component_queries()
+  bool possible = true;                            // false: propagation alone found a contradiction
+  std::vector<std::uint32_t> conflict;             // then: constraints that take part in it
+  bool too_large = false;                          // the tables alone exceed the memory limit
+  double constant = 0.0;                           // log: what is decided
+  std::vector<std::uint32_t> cardinalities;        // network variables first, auxiliary ones behind
+  std::vector<std::uint32_t> sweep;                // all variables, each where the network's order last needs it
+  std::vector<std::vector<std::uint32_t>> scopes;  // distinct, sorted, not empty
+  std::vector<std::vector<double>> tables;         // natural logarithms, the last variable runs fastest
+  std::vector<Binding> bindings;                   // in the order of network.component_variables()
+  std::vector<ValueTest> queries;                  // in the order of network.component_queries()
   std::size_t table_bytes = 0;
 };
 
@@ -56,10 +59,12 @@ struct FactorGraphOptions {
   std::span<const double> atom_bias;  // by atom of the network, or empty
   bool with_queries = true;
   std::size_t max_bytes = static_cast<std::size_t>(-1);
-  // A formula over at most so many joint values becomes one table. Larger: wider tables; smaller: more auxiliary variables.
+  // A formula over at most so many joint values becomes one table. Larger: wider tables; smaller: more auxiliary
+  // variables.
   std::uint64_t small_joint = 64;
 };
 
-FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component, const FactorGraphOptions& options = {});
+FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component,
+                                 const FactorGraphOptions& options = {});
 
 }  // namespace sherlog

@@ -81,7 +81,13 @@ GroupMoves::GroupMoves(const WorldIndex& index, std::span<const VariableId> vari
         ++escapes;
       }
       good = good && escapes == 1;
-      members_.push_back({v, network.value_of(input.atom()), escape, 0, 0});
+      Member member{v, network.value_of(input.atom()), escape, 0, 0, true, 0.0};
+      if (escape < network.candidate_count(v)) {
+        const std::uint32_t atom = network.first_atom(v).value + escape;
+        member.plain_escape = index.uses(atom).empty() && index.demand(atom) == 0;
+        member.escape_weight = index.weight(atom);
+      }
+      members_.push_back(member);
     }
     if (!good) {
       members_.resize(begin);
@@ -152,12 +158,17 @@ void GroupMoves::draw(World& world, Rng& rng, const Group& group) {
   for (std::uint32_t i = 0; i < members.size() && none_possible; ++i) {
     if (i == current) continue;
     const Member& m = members[i];
-    // The quick test: most places are taken.
-    if (m.value < network.candidate_count(m.variable) && m.escape == network.candidate_count(m.variable) &&
-        world.peek(network.first_atom(m.variable).value + m.value) == World::kBreaks) {
-      continue;
-    }
     const auto leaves = leaves_of(m);
+    if (m.plain_escape) {
+      // The quick way: most places are taken, and that shows without a change.
+      const double change = world.peek(network.first_atom(m.variable).value + m.value);
+      if (change == World::kBreaks) continue;
+      if (leaves.empty()) {
+        choices_.push_back(i);
+        weights_.push_back(change - m.escape_weight);
+        continue;
+      }
+    }
     const double before = leaf_sum(world, leaves);
     const double change = world.set(m.variable, m.value);
     if (world.broken().empty()) {

@@ -36,6 +36,8 @@ class GroupMoves {
     std::uint32_t value;   // that makes it true
     std::uint32_t escape;  // the variable's value outside the group
     std::uint32_t leaf_begin, leaf_end;
+    bool plain_escape;       // leaving the escape value costs its own weight and nothing else
+    double escape_weight;
   };
   struct Group {
     std::uint32_t gate;

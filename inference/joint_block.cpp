@@ -77,6 +77,19 @@ class JointBlockBuilder {
       }
     }
     std::ranges::sort(gates_);
+    // Only what leads to something with weight or demand is worth a table. Uses come after what they use.
+    std::vector<std::uint32_t> useful;
+    for (std::size_t i = gates_.size(); i-- > 0;) {
+      const std::uint32_t node = index_.gate_node(gates_[i]);
+      const bool matters = index_.weight(node) != 0.0 || index_.demand(node) != 0 ||
+                           std::ranges::any_of(index_.uses(node), [&](const WorldIndex::Use& use) { return local_gate_.contains(use.gate); });
+      if (matters) {
+        useful.push_back(gates_[i]);
+      } else {
+        local_gate_.erase(gates_[i]);
+      }
+    }
+    gates_.assign(useful.rbegin(), useful.rend());
     gate_.resize(gates_.size());
     for (std::uint32_t i = 0; i < gates_.size(); ++i) local_gate_[gates_[i]] = i;
   }

@@ -22,10 +22,12 @@ constexpr double kTinyLog2 = 12.0;
 // Beyond this table size (log2), or in total, the relaxation is the better bet.
 constexpr double kNarrowLog2 = 16.0;
 constexpr double kNarrowTotalLog2 = 23.0;
-// Effort of the integer program: entries of the matrix x iterations, about a nanosecond each.
+// Effort of the integer program: entries of the matrix x iterations, about a nanosecond each. The first look decides most
+// matchings before elimination has even been considered.
+constexpr double kFirstWork = 2e8;
 constexpr double kRelaxationWork = 1.5e9;
-constexpr double kTreeWork = 6e9;
-constexpr std::uint32_t kTreeNodes = 20000;
+constexpr double kTreeWork = 1.5e9;
+constexpr std::uint32_t kTreeNodes = 5000;
 constexpr std::uint64_t kShortFlips = 20000;  // of the search for an incumbent
 constexpr std::uint64_t kConflictDecisions = 100000;
 // Gaps below this share of the score are rounding.
@@ -37,7 +39,6 @@ struct Outcome {
   bool found = true;                  // values meet them
   std::vector<std::uint32_t> values;  // by variable
   double gap = 0.0;                   // no world scores more than this one plus the gap
-  bool narrow_only = true;            // nothing but elimination was needed
 
   static Outcome impossible() {
     Outcome out;
@@ -151,22 +152,23 @@ class MapSearch {
         }
       }
     }
-    if (!stop_.reached() && narrow(network)) {
-      const std::vector<ComponentId> all = all_components(network);
-      const MethodResult result = run_exact_map({network, all, narrow_options_, stop_, {}});
-      if (result.termination == Termination::kNoPossibleWorld) return Outcome::impossible();
-      if (result.termination == Termination::kCompleted) {
-        Outcome out;
-        out.values = result.values;
-        return out;
-      }
-    }
     return solve_wide(network, bound);
   }
 
-  bool narrow(const GroundNetwork& network) const {
+  // Elimination, if it is cheap. False where it is not.
+  bool solve_narrow(const GroundNetwork& network, Outcome& out) {
+    if (stop_.reached()) return false;
     const ExactCost cost = exact_cost(network, ComponentId(0), narrow_options_);
-    return !cost.possible || (cost.feasible && cost.total_log2 <= kNarrowTotalLog2);
+    if (cost.possible && (!cost.feasible || cost.total_log2 > kNarrowTotalLog2)) return false;
+    const std::vector<ComponentId> all = all_components(network);
+    MethodResult result = run_exact_map({network, all, narrow_options_, stop_, {}});
+    if (result.termination == Termination::kNoPossibleWorld) {
+      out = Outcome::impossible();
+      return true;
+    }
+    if (result.termination != Termination::kCompleted) return false;
+    out.values = std::move(result.values);
+    return true;
   }
 
   // Values that some most probable world has are put in, and what is left is looked at anew.
@@ -211,62 +213,87 @@ class MapSearch {
     return bound;
   }
 
+  static void keep_better(LocalOptimum& best, LocalOptimum other) {
+    if (other.broken < best.broken || (other.broken == best.broken && other.score > best.score)) best = std::move(other);
+  }
+
   Outcome solve_wide(const GroundNetwork& network, double bound) {
     bound = std::min(bound, trivial_bound(network));
     std::vector<std::vector<std::uint32_t>> starts;
-    LocalOptimum best;
-    bool have_best = false;
-    if (!stop_.reached() && solve_program(network, bound, starts, best, have_best)) {
-      if (!have_best) return Outcome::impossible();
-      return finish(best, bound);
+    if (!stop_.reached()) {
+      Outcome out;
+      IntegerProgram program(network);
+      if (static_cast<double>(program.memory_bytes()) > 0.5 * static_cast<double>(options_.max_memory)) {
+        if (solve_narrow(network, out)) return out;
+      } else if (solve_program(network, program, bound, starts, out)) {
+        return out;
+      }
     }
     MaxWalkSatOptions search = search_options();
     search.enough = bound - kGapTolerance * (1.0 + std::abs(bound));
-    if (have_best) starts.insert(starts.begin(), best.values);
-    const LocalOptimum found = max_walk_sat(network, search, stop_, starts);
-    if (!have_best || found.broken < best.broken || (found.broken == best.broken && found.score > best.score)) best = found;
-    return finish(best, bound);
+    return finish(max_walk_sat(network, search, stop_, starts), bound);
   }
 
-  // The integer program. True where it decided the matter: `best` is a most probable world, or there is none (have_best is
-  // false). Otherwise `bound`, `starts` and perhaps `best` are what it left.
-  bool solve_program(const GroundNetwork& network, double& bound, std::vector<std::vector<std::uint32_t>>& starts,
-                     LocalOptimum& best, bool& have_best) {
-    IntegerProgram program(network);
-    if (static_cast<double>(program.memory_bytes()) > 0.5 * static_cast<double>(options_.max_memory)) return false;
+  // The integer program, and elimination between its first look and its further efforts. True where that decided the matter
+  // (`out`). Otherwise `bound` and `starts` are what it left.
+  bool solve_program(const GroundNetwork& network, IntegerProgram& program, double& bound,
+                     std::vector<std::vector<std::uint32_t>>& starts, Outcome& out) {
     const double size = static_cast<double>(program.entries() + program.rows() + program.columns());
-    IntegerProgramStatus status = program.relax({static_cast<std::uint64_t>(kRelaxationWork / size), 0}, stop_);
-    if (status == IntegerProgramStatus::kImpossible) return true;
-    if (!program.is_relaxed()) return false;
-    bound = std::min(bound, program.bound());
-    best = descend(network, program.values(), stop_);
-    have_best = true;
-    if (reaches(best, bound)) return true;
-    if (stop_.reached()) return false;
+    IntegerProgramStatus status = IntegerProgramStatus::kOpen;
+    const auto relax = [&](double work) { status = program.relax({static_cast<std::uint64_t>(work / size), 0}, stop_); };
+    relax(kFirstWork);
+    LocalOptimum best;
+    if (program.is_relaxed()) {
+      bound = std::min(bound, program.bound());
+      best = descend(network, program.values(), stop_);
+    }
+    const auto decided = [&] {
+      if (status == IntegerProgramStatus::kImpossible) {
+        out = Outcome::impossible();
+        return true;
+      }
+      if (!program.is_relaxed() || !reaches(best, bound)) return false;
+      out = finish(best, bound);
+      return true;
+    };
+    if (decided() || solve_narrow(network, out)) return true;
+    if (!program.is_relaxed()) {
+      relax(kRelaxationWork);
+      if (program.is_relaxed()) {
+        bound = std::min(bound, program.bound());
+        best = descend(network, program.values(), stop_);
+      }
+      if (decided()) return true;
+      if (!program.is_relaxed()) return false;
+    }
+    starts.push_back(best.values);
     starts.push_back(program.values());
+    if (stop_.reached()) return false;
     MaxWalkSatOptions search = search_options();
     search.flips = std::min(search.flips, kShortFlips + 10 * network.variable_count());
     search.patience = search.flips / 2 + 1;
     search.restarts = std::min(search.restarts, 2u);
     search.enough = bound - kGapTolerance * (1.0 + std::abs(bound));
-    const LocalOptimum found = max_walk_sat(network, search, stop_, starts);
-    if (found.broken < best.broken || (found.broken == best.broken && found.score > best.score)) best = found;
-    if (reaches(best, bound)) return true;
-    // Half of the time that is left goes to branch and cut, so that local search has the rest.
+    keep_better(best, max_walk_sat(network, search, stop_, starts));
+    if (decided()) return true;
+    status = branch(network, program, size, bound, best);
+    if (status == IntegerProgramStatus::kOptimal && best.broken == 0) bound = best.score;  // to the solver's tolerance
+    starts[0] = best.values;
+    return decided();
+  }
+
+  IntegerProgramStatus branch(const GroundNetwork& network, IntegerProgram& program, double size, double& bound,
+                              LocalOptimum& best) {
+    // Half of the time that is left, so that local search has the rest.
     const StopCondition tree_stop(stop_.monitor(), 0.5 * (stop_.max_seconds() - stop_.seconds()));
-    const std::span<const std::uint32_t> incumbent = best.broken == 0 ? std::span<const std::uint32_t>(best.values)
-                                                                      : std::span<const std::uint32_t>();
-    status = program.branch_and_cut(incumbent, {static_cast<std::uint64_t>(kTreeWork / size), kTreeNodes}, tree_stop);
-    if (status == IntegerProgramStatus::kImpossible) {
-      have_best = false;
-      return true;
-    }
+    const std::span<const std::uint32_t> incumbent =
+        best.broken == 0 ? std::span<const std::uint32_t>(best.values) : std::span<const std::uint32_t>();
+    const IntegerProgramEffort effort{static_cast<std::uint64_t>(kTreeWork / size), kTreeNodes};
+    const IntegerProgramStatus status = program.branch_and_cut(incumbent, effort, tree_stop);
+    if (status == IntegerProgramStatus::kImpossible) return status;
     bound = std::min(bound, program.bound());
-    LocalOptimum tree = descend(network, program.values(), stop_);
-    if (tree.broken < best.broken || (tree.broken == best.broken && tree.score > best.score)) best = std::move(tree);
-    if (status != IntegerProgramStatus::kOptimal) return false;
-    if (best.broken == 0) bound = best.score;  // to the solver's tolerance
-    return best.broken == 0;
+    keep_better(best, descend(network, program.values(), stop_));
+    return status;
   }
 
   static bool reaches(const LocalOptimum& best, double bound) {

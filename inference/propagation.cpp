@@ -195,9 +195,12 @@ bool Propagation::propagate() {
 
 bool Propagation::check_gate(std::uint32_t g) {
   switch (gates_[g].kind) {
-    case GateKind::kOr: return check_or(g);
-    case GateKind::kIff: return check_iff(g);
-    case GateKind::kAtMostOne: return check_at_most_one(g);
+    case GateKind::kOr:
+      return check_or(g);
+    case GateKind::kIff:
+      return check_iff(g);
+    case GateKind::kAtMostOne:
+      return check_at_most_one(g);
   }
   return true;
 }
@@ -258,8 +261,8 @@ bool Propagation::check_variable(std::uint32_t n) {
   return variable.open > 0 || variable.true_atoms > 0 || assign(n, true, Reason::kVariable, v);
 }
 
-void Propagation::antecedents(std::uint32_t n, bool value, Reason reason, std::uint32_t reason_index, std::uint32_t time,
-                              std::vector<std::uint32_t>& out) const {
+void Propagation::antecedents(std::uint32_t n, bool value, Reason reason, std::uint32_t reason_index,
+                              std::uint32_t time, std::vector<std::uint32_t>& out) const {
   const auto add = [&](std::uint32_t other) {
     if (other != n && !open(other) && nodes_[other].time < time) out.push_back(other);
   };

@@ -1,12 +1,14 @@
 // What hard constraints decide by themselves: unit propagation over gates and blocks.
 //
-// Idea      Atoms and gates are nodes that are true, false or open. A node that gets a truth is pushed through every gate that
-//           uses it (an OR with a true input is true, ...), through its own gate (a false OR has false inputs, a true OR with
-//           one input left makes it true) and through its variable (one true atom makes its siblings false; a block without
-//           "none" whose other atoms are false has the last one true). Each consequence remembers which gate or variable
-//           forced it, so that a contradiction is traced back to the constraints that took part. Decisions can be tried and
-//           taken back, which makes it the engine of a small complete search too.
-// Cost      O(size of the constraints' formulas) for a full run; memory likewise (the rest of the network is not looked at).
+// Idea      Atoms and gates are nodes that are true, false or open. A node that gets a truth is pushed through every
+//           gate that uses it (an OR with a true input is true, ...), through its own gate (a false OR has false
+//           inputs, a true OR with one input left makes it true) and through its variable (one true atom makes its
+//           siblings false; a block without "none" whose other atoms are false has the last one true). Each
+//           consequence remembers which gate or variable forced it, so that a contradiction is traced back to the
+//           constraints that took part. Decisions can be tried and taken back, which makes it the engine of a small
+//           complete search too.
+// Cost      O(size of the constraints' formulas) for a full run; memory likewise (the rest of the network is not
+//           looked at).
 #pragma once
 
 #include <cstdint>
@@ -51,11 +53,11 @@ class Propagation {
  private:
   enum class Reason : std::uint8_t { kConstraint, kGate, kVariable, kDecision };
   struct Node {
-    std::uint32_t use_begin = 0, use_end = 0;      // gates (local numbers) that use it
-    std::uint32_t reason_index = 0;                // constraint, local gate or local variable
-    std::uint32_t time = 0;                        // position on the trail
-    std::uint32_t gate = kNone;                    // local gate, or kNone for an atom
-    std::uint32_t variable = kNone;                // local variable of an atom
+    std::uint32_t use_begin = 0, use_end = 0;  // gates (local numbers) that use it
+    std::uint32_t reason_index = 0;            // constraint, local gate or local variable
+    std::uint32_t time = 0;                    // position on the trail
+    std::uint32_t gate = kNone;                // local gate, or kNone for an atom
+    std::uint32_t variable = kNone;            // local variable of an atom
     Reason reason = Reason::kDecision;
     Truth truth = Truth::kOpen;
   };
@@ -71,8 +73,8 @@ class Propagation {
   };
   struct Variable {
     VariableId id;
-    std::uint32_t atom_begin = 0, atom_end = 0;    // into variable_nodes_
-    std::uint32_t open = 0;                        // candidates not denied, those not mentioned included
+    std::uint32_t atom_begin = 0, atom_end = 0;  // into variable_nodes_
+    std::uint32_t open = 0;                      // candidates not denied, those not mentioned included
     std::uint32_t true_atoms = 0;
   };
   static constexpr std::uint32_t kNone = 0xffffffffu;
@@ -90,7 +92,9 @@ class Propagation {
   bool check_at_most_one(std::uint32_t gate);
   bool force_open_inputs(std::uint32_t gate, bool value);
   bool check_variable(std::uint32_t node);
-  bool true_input(const Input& input) const { return nodes_[input.node].truth == (input.negated ? Truth::kFalse : Truth::kTrue); }
+  bool true_input(const Input& input) const {
+    return nodes_[input.node].truth == (input.negated ? Truth::kFalse : Truth::kTrue);
+  }
   bool open(std::uint32_t node) const { return nodes_[node].truth == Truth::kOpen; }
   void explain(std::vector<std::uint32_t> nodes);
   // Nodes older than `time` that made a gate or variable give `node` its truth.

@@ -12,6 +12,7 @@
 #include "inference/block_cover.h"
 #include "inference/chain_diagnostics.h"
 #include "inference/conflict.h"
+#include "inference/defined_atoms.h"
 #include "inference/ergodicity.h"
 #include "inference/group_move.h"
 #include "inference/propagation.h"
@@ -38,6 +39,7 @@ struct Plan {
   std::vector<Component> components;
   std::vector<VariableId> variables;
   std::unique_ptr<WorldIndex> index;
+  DefinedAtoms defined;
 };
 
 // Rewrites cliques of pairwise exclusions. Component numbers may change, variables do not.
@@ -74,8 +76,10 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
   components.erase(std::unique(components.begin(), components.end()), components.end());
   for (ComponentId c : components) {
     Plan::Component part;
-    const auto variables = n.component_variables(c);
-    part.variables.assign(variables.begin(), variables.end());
+    const auto all = n.component_variables(c);
+    plan.defined.collapse(*plan.index, all);
+    std::ranges::copy_if(all, std::back_inserter(part.variables), [&](VariableId v) { return !plan.defined.contains(v); });
+    const auto& variables = part.variables;
     part.cover = cover_component(*plan.index, variables, context.options.seed);
     part.jump = kernel == Kernel::kMcSat && !part.cover.whole && !n.component_constraints(c).empty() &&
                 !single_moves_reach_every_world(n, c);
@@ -138,6 +142,7 @@ class Chain {
   }
 
   void sweep() {
+    ++sweeps_;
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       Part& part = parts_[c];
       const auto& component = plan_.components[c];
@@ -145,7 +150,7 @@ class Chain {
         part.blocks[0].draw(world_, rng_);
         continue;
       }
-      if (part.slice) part.slice->step(world_, rng_);
+      if (part.slice && (component.jump || sweeps_ % kSliceEvery == 0)) part.slice->step(world_, rng_);
       for (VariableId v : component.variables) {
         if (!part.groups->covers(v)) gibbs_step(world_, v, rng_, false, scratch_);
       }
@@ -158,6 +163,7 @@ class Chain {
         part.next_block = (part.next_block + 1) % part.blocks.size();
       }
     }
+    plan_.defined.draw(world_, rng_);
   }
 
   World& world() { return world_; }
@@ -171,6 +177,9 @@ class Chain {
     double sweep_cost = 0.0;
   };
   static constexpr double kBlockShare = 4.0;
+  // A slice step costs several sweeps and, next to joint draws, mixes little more: it comes every few sweeps, but every time where
+  // only its jumps lead everywhere.
+  static constexpr std::uint32_t kSliceEvery = 4;
 
   void demand_hard(VariableId v) {
     for (std::uint32_t i = 0; i < plan_.network.candidate_count(v); ++i) demand_above(plan_.network.first_atom(v).value + i);
@@ -199,6 +208,7 @@ class Chain {
   Kernel kernel_;
   std::vector<Part> parts_;
   std::vector<double> scratch_;
+  std::uint32_t sweeps_ = 0;
 };
 
 // How many draws each chain keeps, and every which of them goes to the diagnostics.

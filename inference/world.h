@@ -39,6 +39,11 @@ class WorldIndex {
   }
   // Sum of the weights of the features on this node; added where it is true.
   double weight(std::uint32_t node) const { return weight_[node]; }
+  // Takes the node's weight and demand away, for a sampler that accounts for them itself.
+  void release(std::uint32_t node) {
+    weight_[node] = 0.0;
+    demand_[node] = 0;
+  }
   // Whether no gate is reached by two paths from this atom, so that one flip's effect can be summed without making it.
   bool climbs_as_tree(std::uint32_t atom) const { return climbs_as_tree_[atom]; }
   // +1: constraint demands true, -1: demands false, 0: free, kImpossibleDemand: both are demanded.

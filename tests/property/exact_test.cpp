@@ -1,13 +1,13 @@
 // exact against its slow twin: random networks, every marginal, the partition sum, the best world, every conflict.
 #include "inference/exact.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <numeric>
 #include <random>
 #include <string>
-
-#include <gtest/gtest.h>
 
 #include "inference/conflict.h"
 #include "tests/oracles/enumeration.h"
@@ -20,7 +20,8 @@ int random_models() {
   return wanted != nullptr ? std::max(1, std::atoi(wanted)) : 200;
 }
 
-// A different kind of network for each number: small and large, hard and soft, blocks and booleans, short and long formulas.
+// A different kind of network for each number: small and large, hard and soft, blocks and booleans, short and long
+// formulas.
 GroundNetwork make_network(int number) {
   std::mt19937_64 random(static_cast<std::uint64_t>(number) * 7919 + 1);
   oracle::RandomNetworkOptions options;
@@ -66,7 +67,8 @@ void expect_minimal_conflict(const GroundNetwork& network, const std::vector<std
     while (d < values.size() && ++values[d] == network.value_count(VariableId(d))) values[d++] = 0;
     if (d == values.size()) break;
   }
-  for (std::size_t i = 0; i < conflict.size(); ++i) EXPECT_TRUE(met_without[i]) << "constraint " << conflict[i] << " is not needed";
+  for (std::size_t i = 0; i < conflict.size(); ++i)
+    EXPECT_TRUE(met_without[i]) << "constraint " << conflict[i] << " is not needed";
 }
 
 TEST(Exact, EqualsEnumerationOnRandomNetworks) {
@@ -108,7 +110,8 @@ TEST(Exact, BestWorldEqualsEnumerationOnRandomNetworks) {
       continue;
     }
     ASSERT_EQ(result.termination, Termination::kCompleted) << result.message;
-    EXPECT_NEAR(result.map_score + network.constant_score(), expected.best_score, 1e-9 * (1.0 + std::abs(expected.best_score)));
+    EXPECT_NEAR(result.map_score + network.constant_score(), expected.best_score,
+                1e-9 * (1.0 + std::abs(expected.best_score)));
     EXPECT_EQ(result.map_bound, result.map_score);
     const auto score = oracle::score(network, result.values);
     ASSERT_TRUE(score.has_value()) << "the best world breaks a constraint";

@@ -1,9 +1,9 @@
 #include "inference/at_most_one.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <random>
-
-#include <gtest/gtest.h>
 
 #include "tests/oracles/enumeration.h"
 
@@ -113,7 +113,9 @@ TEST(AtMostOne, GroupsFollowFromTheirConstraintsAndImplyThem) {
         return std::count_if(group.begin(), group.end(),
                              [&](const VariableValue& x) { return values[x.variable.index()] == x.value; }) <= 1;
       });
-      const auto holds = [&](std::uint32_t c) { return oracle::evaluate(network, network.constraints()[c].literal, values); };
+      const auto holds = [&](std::uint32_t c) {
+        return oracle::evaluate(network, network.constraints()[c].literal, values);
+      };
       if (std::all_of(all.begin(), all.end(), holds)) {
         EXPECT_TRUE(groups_hold);
       }

@@ -1,9 +1,9 @@
 #include "inference/conflict.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <numeric>
-
-#include <gtest/gtest.h>
 
 namespace sherlog {
 namespace {

@@ -1,10 +1,10 @@
 #include "inference/elimination_order.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <set>
-
-#include <gtest/gtest.h>
 
 #include "inference/rng.h"
 

@@ -1,9 +1,9 @@
 #include "inference/elimination.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <limits>
-
-#include <gtest/gtest.h>
 
 namespace sherlog {
 namespace {

@@ -1,13 +1,13 @@
 #include "inference/exact.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
 #include <optional>
 #include <vector>
-
-#include <gtest/gtest.h>
 
 #include "inference/rng.h"
 
@@ -49,7 +49,8 @@ struct Scene {
   std::size_t news() const { return similar[0].size(); }
 };
 
-// Queries: is(o, n, stay | move | newview) for all o, n in order; appear(n); unmatched(o), which is disappear or hidden.
+// Queries: is(o, n, stay | move | newview) for all o, n in order; appear(n); unmatched(o), which is disappear or
+// hidden.
 GroundNetwork matching_network(const Scene& scene) {
   NetworkBuilder builder;
   const WeightId weight = builder.add_weight({});
@@ -60,7 +61,9 @@ GroundNetwork matching_network(const Scene& scene) {
     return atom;
   };
   std::vector<std::vector<AtomId>> is(scene.olds());
-  const auto value = [&](std::size_t o, std::size_t n, Explanation e) { return Literal::atom(AtomId(is[o][n].value + e)); };
+  const auto value = [&](std::size_t o, std::size_t n, Explanation e) {
+    return Literal::atom(AtomId(is[o][n].value + e));
+  };
   for (std::size_t o = 0; o < scene.olds(); ++o) {
     for (std::size_t n = 0; n < scene.news(); ++n) is[o].push_back(builder.first_atom(builder.add_anonymous(4, false)));
   }
@@ -131,8 +134,8 @@ double case_weight(const Scene& scene, std::size_t o, std::size_t n, Explanation
   return (e == kStay || e == kMove ? s : 1.0 - s) * (e == kStay || e == kNewview ? p : 1.0 - p);
 }
 
-// Sum over partial matchings of the product of the cases' weights, by dynamic programming over subsets of the new objects;
-// optionally with is(o, n) = e forced.
+// Sum over partial matchings of the product of the cases' weights, by dynamic programming over subsets of the new
+// objects; optionally with is(o, n) = e forced.
 struct Forced {
   std::size_t o, n;
   Explanation e;
@@ -177,10 +180,10 @@ TEST(Exact, MatchingOfTwoObjectsHasTheKnownProbabilities) {
   ASSERT_EQ(result.termination, Termination::kCompleted);
   EXPECT_NEAR(std::exp(*result.log_partition + solver.network().constant_score()), 0.58420032, 1e-8);
   const auto p = [&](std::size_t i) { return result.marginals[i].probability; };
-  EXPECT_NEAR(p(0), 0.628921, 1e-6);   // is(O1, N1, stay)
-  EXPECT_NEAR(p(1), 0.269538, 1e-6);   // move
-  EXPECT_NEAR(p(2), 0.069880, 1e-6);   // newview
-  EXPECT_NEAR(p(9), 0.479178, 1e-6);   // is(O2, N2, stay)
+  EXPECT_NEAR(p(0), 0.628921, 1e-6);  // is(O1, N1, stay)
+  EXPECT_NEAR(p(1), 0.269538, 1e-6);  // move
+  EXPECT_NEAR(p(2), 0.069880, 1e-6);  // newview
+  EXPECT_NEAR(p(9), 0.479178, 1e-6);  // is(O2, N2, stay)
   EXPECT_NEAR(p(10), 0.319452, 1e-6);
   EXPECT_NEAR(p(11), 0.119795, 1e-6);
   EXPECT_NEAR(p(12), 0.030511, 1e-6);  // appear(N1)
@@ -236,7 +239,7 @@ struct Pairwise {
   std::vector<double> unary;  // weight of "true"
   struct Edge {
     std::size_t a, b;
-    double weight;            // of "both are true or both are false"
+    double weight;  // of "both are true or both are false"
   };
   std::vector<Edge> edges;
 };
@@ -250,7 +253,8 @@ GroundNetwork pairwise_network(const Pairwise& model) {
     builder.add_feature(atoms[i], model.unary[i], weight);
     query(builder, atoms[i]);
   }
-  for (const auto& edge : model.edges) builder.add_feature(builder.make_iff(atoms[edge.a], atoms[edge.b]), edge.weight, weight);
+  for (const auto& edge : model.edges)
+    builder.add_feature(builder.make_iff(atoms[edge.a], atoms[edge.b]), edge.weight, weight);
   return builder.build();
 }
 
@@ -260,7 +264,8 @@ struct TreeAnswer {
   std::vector<double> marginals;
 };
 double log_add(double x, double y) { return std::max(x, y) + std::log1p(std::exp(-std::abs(x - y))); }
-TreeAnswer solve_tree(const Pairwise& model, const std::vector<std::size_t>& parent, const std::vector<double>& coupling) {
+TreeAnswer solve_tree(const Pairwise& model, const std::vector<std::size_t>& parent,
+                      const std::vector<double>& coupling) {
   using Logs = std::array<double, 2>;  // of "false" and "true"
   const auto pass = [](const Logs& x, double w) { return Logs{log_add(x[0] + w, x[1]), log_add(x[0], x[1] + w)}; };
   const std::size_t n = model.unary.size();
@@ -419,6 +424,24 @@ TEST(Exact, KeepsTheTableLimit) {
   EXPECT_EQ(solver.marginals().termination, Termination::kTooWide);
 }
 
+TEST(Exact, KeepsALimitOnAllTablesTogether) {
+  // Two hundred cliques of 10 along a chain: the largest table fits, 200 of them do not.
+  Pairwise model;
+  for (std::size_t clique = 0; clique < 200; ++clique) {
+    for (std::size_t i = 0; i < 10; ++i) {
+      model.unary.push_back(0.1);
+      for (std::size_t j = 0; j < i; ++j) model.edges.push_back({clique * 10 + i, clique * 10 + j, 0.2});
+    }
+    if (clique > 0) model.edges.push_back({clique * 10 - 1, clique * 10, 0.3});
+  }
+  Solver solver(pairwise_network(model));
+  EXPECT_EQ(solver.marginals().termination, Termination::kCompleted);
+  solver.options().max_table_log2 = 10;
+  const MethodResult result = solver.marginals();
+  EXPECT_EQ(result.termination, Termination::kTooWide);
+  EXPECT_NE(result.message.find("entries together (limit 2^15)"), std::string::npos) << result.message;
+}
+
 TEST(Exact, KeepsTheMemoryLimit) {
   Solver solver(clique_and_atom(20));
   solver.options().max_memory = 1'000'000;
@@ -445,7 +468,8 @@ TEST(Exact, GivesUpQuicklyOnAHopelessComponent) {
 }
 
 TEST(Exact, NamesConstraintsThatContradictEachOther) {
-  // a v b, a v !b, !a v c, !a v !c: impossible, all four are needed, and propagation alone does not see it. One more is not.
+  // a v b, a v !b, !a v c, !a v !c: impossible, all four are needed, and propagation alone does not see it. One more
+  // is not.
   NetworkBuilder builder;
   const Literal a = first(builder, builder.add_boolean());
   const Literal b = first(builder, builder.add_boolean());

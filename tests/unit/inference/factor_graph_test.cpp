@@ -1,12 +1,12 @@
 #include "inference/factor_graph.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <string>
-
-#include <gtest/gtest.h>
 
 #include "inference/elimination.h"
 #include "inference/elimination_order.h"
@@ -37,7 +37,8 @@ Solved solve(const GroundNetwork& network, const FactorGraphOptions& options) {
       return solved;
     }
     const EliminationOrder order = find_elimination_order(graph.cardinalities, graph.scopes);
-    const SumProductResult result = sum_product(BucketTree(graph.cardinalities, graph.scopes, order.order), graph.tables, stop);
+    const SumProductResult result =
+        sum_product(BucketTree(graph.cardinalities, graph.scopes, order.order), graph.tables, stop);
     solved.log_partition += graph.constant + result.log_partition;
     solved.largest_log2 = std::max(solved.largest_log2, order.largest_log2);
     solved.variables += graph.cardinalities.size();
@@ -79,7 +80,8 @@ void expect_enumeration(std::uint64_t small_joint) {
       continue;
     }
     ++possible;
-    EXPECT_NEAR(solved.log_partition + network.constant_score() + network.free_log_count(), expected.log_partition, 1e-9);
+    EXPECT_NEAR(solved.log_partition + network.constant_score() + network.free_log_count(), expected.log_partition,
+                1e-9);
     for (std::size_t q = 0; q < expected.marginals.size(); ++q) {
       if (network.queries()[q].literal.is_constant()) continue;
       EXPECT_NEAR(solved.queries[q], expected.marginals[q], 1e-9) << "query " << q;
@@ -157,7 +159,8 @@ TEST(FactorGraph, AtMostOneGatesHaveTheirTruthWhereverTheyStand) {
         EXPECT_EQ(solved.log_partition, -std::numeric_limits<double>::infinity());
         continue;
       }
-      EXPECT_NEAR(solved.log_partition + network.constant_score() + network.free_log_count(), expected.log_partition, 1e-9);
+      EXPECT_NEAR(solved.log_partition + network.constant_score() + network.free_log_count(), expected.log_partition,
+                  1e-9);
       EXPECT_NEAR(solved.queries[0], expected.marginals[0], 1e-9);
     }
   }

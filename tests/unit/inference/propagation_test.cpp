@@ -1,9 +1,9 @@
 #include "inference/propagation.h"
 
+#include <gtest/gtest.h>
+
 #include <numeric>
 #include <random>
-
-#include <gtest/gtest.h>
 
 #include "inference/rng.h"
 #include "tests/oracles/enumeration.h"
@@ -82,7 +82,8 @@ TEST(Propagation, NeverExcludesAPossibleWorldAndItsConflictsAreReal) {
     Propagation propagation(network, all_constraints(network));
     if (!propagation.run()) {
       ++conflicts;
-      for_each_world(network, propagation.conflict(), [&](const auto&) { FAIL() << "a world meets the whole conflict"; });
+      for_each_world(network, propagation.conflict(),
+                     [&](const auto&) { FAIL() << "a world meets the whole conflict"; });
       continue;
     }
     for_each_world(network, all_constraints(network), [&](const std::vector<std::uint32_t>& values) {
@@ -111,12 +112,14 @@ TEST(Propagation, TakesDecisionsBackCompletely) {
     for (int round = 0; round < 20; ++round) {
       bool good = true;
       while (good && propagation.level() < 4) {
-        const Literal atom = Literal::atom(AtomId(rng.below(static_cast<std::uint32_t>(network.atom_count()))), rng.coin());
+        const Literal atom =
+            Literal::atom(AtomId(rng.below(static_cast<std::uint32_t>(network.atom_count()))), rng.coin());
         if (propagation.truth(atom) != Truth::kOpen) break;
         good = propagation.decide(atom);
       }
       while (propagation.level() > 0) propagation.backtrack();
-      for (std::size_t i = 0; i < before.size(); ++i) ASSERT_EQ(propagation.truth(propagation.mentioned()[i]), before[i]);
+      for (std::size_t i = 0; i < before.size(); ++i)
+        ASSERT_EQ(propagation.truth(propagation.mentioned()[i]), before[i]);
     }
     // The counters are whole again too: every decision has the consequences it has in a fresh start.
     for (std::uint32_t a = 0; a < network.atom_count(); ++a) {
