@@ -16,6 +16,7 @@
 #include <unordered_map>
 
 #include "inference/at_most_one.h"
+#include "inference/soft_cliques.h"
 
 namespace sherlog {
 namespace {
@@ -38,7 +39,7 @@ struct LinearProgram {
   std::vector<int> row_start{0}, index;
   std::vector<double> value, row_lower, row_upper;
 
-  int add_column(double cost) {
+  int add_column(double cost) {  // between 0 and 1
     objective.push_back(cost), column_lower.push_back(0.0), column_upper.push_back(1.0);
     return static_cast<int>(objective.size() - 1);
   }
@@ -110,6 +111,7 @@ class ProgramBuilder {
   LinearProgram build() {
     sum_weights();
     merge();
+    count_pairs();
     find_pushes();
     add_columns();
     add_blocks();
@@ -117,6 +119,7 @@ class ProgramBuilder {
       if (gate_column_[g] >= 0) add_gate(g);
     }
     for (const Merged& m : merged_) add_merged(m);
+    for (const SoftClique& c : cliques_) add_clique(c);
     add_constraints();
     return std::move(program_);
   }
@@ -213,6 +216,35 @@ class ProgramBuilder {
         constant_ += merged.weight;  // all hold, but for the one whose a is true while R is false
       }
       merged_.push_back(std::move(merged));
+    }
+  }
+
+  // --- counting
+
+  // Clauses of two literals: the literals' denials must not come together.
+  void count_pairs() {
+    std::vector<SoftEdge> edges;
+    std::vector<std::uint32_t> gate_of_edge;
+    std::unordered_map<std::uint32_t, std::uint32_t> vertex_of;
+    const auto vertex = [&](Literal denied) {
+      const auto [entry, is_new] = vertex_of.try_emplace(denied.code(), static_cast<std::uint32_t>(vertices_.size()));
+      if (is_new) vertices_.push_back(denied);
+      return entry->second;
+    };
+    for (std::uint32_t g = 0; g < network_.gate_count(); ++g) {
+      const double weight = weight_[network_.atom_count() + g];
+      const auto inputs = network_.gate_inputs(GateId(g));
+      if (weight <= 0.0 || !is_root_[g] || inputs.size() != 2 || network_.gate_kind(GateId(g)) != GateKind::kOr) continue;
+      if (!inputs[0].is_atom() || !inputs[1].is_atom()) continue;
+      const std::uint32_t a = vertex(~inputs[0]), b = vertex(~inputs[1]);
+      edges.push_back({a, b, weight});
+      gate_of_edge.push_back(g);
+    }
+    cliques_ = find_soft_cliques(static_cast<std::uint32_t>(vertices_.size()), edges);
+    for (std::size_t e = 0; e < edges.size(); ++e) weight_[network_.atom_count() + gate_of_edge[e]] = edges[e].weight;
+    for (const SoftClique& c : cliques_) {
+      const auto k = static_cast<double>(c.vertices.size());
+      constant_ += c.weight * k * (k - 1.0) / 2.0;
     }
   }
 
@@ -388,6 +420,13 @@ class ProgramBuilder {
     }
   }
 
+  // The number of true members is a sum of steps; the second costs the weight, the third twice the weight, and so on.
+  void add_clique(const SoftClique& c) {
+    for (std::size_t t = 0; t < c.vertices.size(); ++t) add(program_.add_column(c.weight * static_cast<double>(t)), 1.0);
+    for (std::uint32_t v : c.vertices) add(vertices_[v], -1.0);
+    finish(0.0, kInfinity);
+  }
+
   void add_constraints() {
     const auto& covered = groups_.found().covered;
     for (std::uint32_t k = 0; k < network_.constraints().size(); ++k) {
@@ -420,6 +459,8 @@ class ProgramBuilder {
   std::vector<double> weight_;        // by node, merged ones taken out
   std::vector<bool> is_root_;         // gates that feed no gate and are not demanded
   std::vector<Merged> merged_;
+  std::vector<SoftClique> cliques_;
+  std::vector<Literal> vertices_;     // of the cliques
   std::vector<std::uint8_t> pushes_;  // by gate; 1: up, 2: down
   std::vector<int> gate_column_;
   std::vector<std::pair<int, double>> row_;
@@ -429,32 +470,44 @@ class ProgramBuilder {
 
 // --- stopping the solvers --------------------------------------------------------------------------------------------
 
-class StopSimplex final : public ClpEventHandler {
- public:
-  explicit StopSimplex(const StopCondition& condition) : stop_(&condition) {}
-  ClpEventHandler* clone() const override { return new StopSimplex(*this); }
-  int event(Event which) override {
-    if (which != endOfIteration && which != endOfFactorization) return -1;
-    // The clock is cheap beside an iteration.
-    return stop_->reached() ? 5 : -1;
-  }
+// What may end a run of the solvers. Shared by all copies that they make of their parts.
+struct Watch {
+  const StopCondition* stop;
+  std::uint64_t iterations;  // left
+  bool tripped = false;      // then nothing that the solver claims counts, except worlds
 
- private:
-  const StopCondition* stop_;
+  bool trip() {
+    tripped = tripped || stop->reached();
+    return tripped;
+  }
 };
 
-class StopTree final : public CbcEventHandler {
+class SimplexWatch final : public ClpEventHandler {
  public:
-  StopTree(const StopCondition& condition, std::uint64_t iterations) : stop_(&condition), iterations_(iterations) {}
-  CbcEventHandler* clone() const override { return new StopTree(*this); }
-  CbcAction event(CbcEvent) override {
-    const bool spent = model_ != nullptr && static_cast<std::uint64_t>(model_->getIterationCount()) > iterations_;
-    return spent || stop_->reached() ? CbcEventHandler::stop : CbcEventHandler::noAction;
+  explicit SimplexWatch(Watch& watch) : watch_(&watch) {}
+  ClpEventHandler* clone() const override { return new SimplexWatch(*this); }
+  int event(Event which) override {
+    if (which != endOfIteration && which != endOfFactorization) return kGoOn;
+    if (which == endOfIteration) {
+      if (watch_->iterations == 0) watch_->tripped = true;
+      if (!watch_->tripped) --watch_->iterations;
+    }
+    return watch_->trip() ? kStop : kGoOn;
   }
 
  private:
-  const StopCondition* stop_;
-  std::uint64_t iterations_;
+  static constexpr int kGoOn = -1, kStop = 5;
+  Watch* watch_;
+};
+
+class TreeWatch final : public CbcEventHandler {
+ public:
+  explicit TreeWatch(Watch& watch) : watch_(&watch) {}
+  CbcEventHandler* clone() const override { return new TreeWatch(*this); }
+  CbcAction event(CbcEvent) override { return watch_->trip() ? CbcEventHandler::stop : CbcEventHandler::noAction; }
+
+ private:
+  Watch* watch_;
 };
 
 int as_int(std::uint64_t n) {
@@ -491,7 +544,33 @@ struct IntegerProgram::Parts {
     return whole;
   }
   double score_of_cost(double cost) const { return constant - cost; }
+
+  void watch(Watch& watch) {
+    SimplexWatch handler(watch);  // copied
+    solver.getModelPtr()->passInEventHandler(&handler);
+  }
+  void unwatch() {
+    const ClpEventHandler idle;
+    solver.getModelPtr()->passInEventHandler(&idle);
+  }
+  double score(std::span<const std::uint32_t> world) const;
 };
+
+// Sum of the features.
+double IntegerProgram::Parts::score(std::span<const std::uint32_t> world) const {
+  std::vector<std::uint8_t> truth(network->gate_count(), 0);
+  const auto is_true = [&](Literal l) {
+    if (l.is_gate()) return (truth[l.gate().index()] != 0) != l.negated();
+    return (world[network->variable_of(l.atom()).index()] == network->value_of(l.atom())) != l.negated();
+  };
+  for (std::size_t g = 0; g < truth.size(); ++g) {
+    const auto count = std::ranges::count_if(network->gate_inputs(GateId(g)), is_true);
+    truth[g] = (network->gate_kind(GateId(g)) == GateKind::kOr ? count > 0 : count != 1) ? 1 : 0;
+  }
+  double sum = 0.0;
+  for (const Feature& f : network->features()) sum += is_true(f.literal) ? f.weight : 0.0;
+  return sum;
+}
 
 IntegerProgram::IntegerProgram(const GroundNetwork& network) : parts_(std::make_unique<Parts>()) {
   ProgramBuilder builder(network);
@@ -525,11 +604,11 @@ const std::vector<std::uint32_t>& IntegerProgram::values() const { return parts_
 
 IntegerProgramStatus IntegerProgram::relax(const IntegerProgramEffort& effort, const StopCondition& stop) {
   Parts& parts = *parts_;
-  StopSimplex handler(stop);
-  ClpSimplex* clp = parts.solver.getModelPtr();
-  clp->passInEventHandler(&handler);
-  parts.solver.setIntParam(OsiMaxNumIteration, as_int(effort.iterations));
+  Watch watch{&stop, effort.iterations};
+  parts.watch(watch);
   parts.solver.initialSolve();
+  parts.unwatch();
+  if (watch.tripped) return IntegerProgramStatus::kOpen;
   if (parts.solver.isProvenPrimalInfeasible()) return IntegerProgramStatus::kImpossible;
   if (!parts.solver.isProvenOptimal()) return IntegerProgramStatus::kOpen;
   parts.relaxed = true;
@@ -540,8 +619,10 @@ IntegerProgramStatus IntegerProgram::relax(const IntegerProgramEffort& effort, c
 IntegerProgramStatus IntegerProgram::branch_and_cut(std::span<const std::uint32_t> incumbent, const IntegerProgramEffort& effort,
                                                     const StopCondition& stop) {
   Parts& parts = *parts_;
-  parts.solver.setIntParam(OsiMaxNumIteration, std::numeric_limits<int>::max());
+  Watch watch{&stop, effort.iterations};
+  parts.watch(watch);
   CbcModel model(parts.solver);
+  parts.unwatch();
   model.setLogLevel(0);
   model.messageHandler()->setLogLevel(0);
   model.solver()->messageHandler()->setLogLevel(0);
@@ -562,7 +643,7 @@ IntegerProgramStatus IntegerProgram::branch_and_cut(std::span<const std::uint32_
   model.addCutGenerator(&rounding, -1, "rounding");
   CbcRounding heuristic(model);
   model.addHeuristic(&heuristic);
-  StopTree handler(stop, effort.iterations);
+  TreeWatch handler(watch);
   model.passInEventHandler(&handler);
   model.setMaximumNodes(as_int(effort.nodes));
   if (std::isfinite(stop.max_seconds())) model.setMaximumSeconds(std::max(0.01, stop.max_seconds() - stop.seconds()));
@@ -571,20 +652,7 @@ IntegerProgramStatus IntegerProgram::branch_and_cut(std::span<const std::uint32_
   model.setDblParam(CbcModel::CbcCutoffIncrement, 1e-9);
   double incumbent_cost = kInfinity;
   if (!incumbent.empty()) {
-    double score = 0.0;
-    std::vector<std::uint8_t> truth(parts.network->atom_count() + parts.network->gate_count(), 0);
-    const GroundNetwork& network = *parts.network;
-    for (std::size_t v = 0; v < network.variable_count(); ++v) {
-      if (incumbent[v] < network.candidate_count(VariableId(v))) truth[network.first_atom(VariableId(v)).index() + incumbent[v]] = 1;
-    }
-    const auto node = [&](Literal l) { return l.is_gate() ? network.atom_count() + l.gate().index() : l.atom().index(); };
-    for (std::size_t g = 0; g < network.gate_count(); ++g) {
-      std::size_t count = 0;
-      for (Literal l : network.gate_inputs(GateId(g))) count += (truth[node(l)] != 0) != l.negated() ? 1u : 0u;
-      truth[network.atom_count() + g] = (network.gate_kind(GateId(g)) == GateKind::kOr ? count > 0 : count != 1) ? 1 : 0;
-    }
-    for (const Feature& f : network.features()) score += truth[node(f.literal)] != 0 ? f.weight : 0.0;
-    incumbent_cost = parts.constant - score;
+    incumbent_cost = parts.constant - parts.score(incumbent);
     parts.values.assign(incumbent.begin(), incumbent.end());
     model.setCutoff(incumbent_cost - 1e-7 * (1.0 + std::abs(incumbent_cost)));
   }
@@ -593,8 +661,9 @@ IntegerProgramStatus IntegerProgram::branch_and_cut(std::span<const std::uint32_
   if (best != nullptr && model.getObjValue() < incumbent_cost) {
     parts.round(best);
   }
-  const bool stopped_early = model.status() != 0;
-  if (!stopped_early) {
+  // A relaxation that was cut short may pass for one that cannot be met: no proof counts then, nor any bound.
+  if (watch.tripped) return IntegerProgramStatus::kOpen;
+  if (model.status() == 0) {
     if (best == nullptr && incumbent.empty()) return IntegerProgramStatus::kImpossible;
     const double cost = best != nullptr ? std::min(incumbent_cost, model.getObjValue()) : incumbent_cost;
     parts.bound = std::min(parts.bound, parts.score_of_cost(cost));

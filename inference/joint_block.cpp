@@ -12,6 +12,7 @@ namespace {
 // Formulas whose variables inside the block have at most this many joint values (times outside variants) stay one table.
 constexpr std::size_t kInlineEntries = 64;
 constexpr std::size_t kLargestTable = 8192;
+constexpr double kTableOverhead = 40.0;  // what handling one table costs, in entries
 constexpr std::uint64_t kOrderSteps = 20000;  // for each variable: an order that takes longer to find is of no use
 
 }  // namespace
@@ -333,7 +334,8 @@ class JointBlockBuilder {
     block_.variables_ = std::move(variables_);
     block_.bit_values_.assign(block_.bits_.size(), 0);
     block_.drawn_.assign(cardinalities_.size(), 0);
-    block_.cost_ = block_.plan_->cost() + static_cast<double>(block_.base_.size() + block_.inside_.size());
+    block_.cost_ = block_.plan_->cost() + static_cast<double>(block_.base_.size() + block_.inside_.size()) +
+                   kTableOverhead * static_cast<double>(tables_.size() + cardinalities_.size());
     return std::move(block_);
   }
 

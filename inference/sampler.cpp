@@ -10,6 +10,7 @@
 
 #include "inference/at_most_one.h"
 #include "inference/block_cover.h"
+#include "inference/block_recognition.h"
 #include "inference/chain_diagnostics.h"
 #include "inference/conflict.h"
 #include "inference/defined_atoms.h"
@@ -36,6 +37,7 @@ struct Plan {
   };
   GroundNetwork network;  // pairwise exclusions folded into at-most-one gates
   std::vector<std::uint32_t> queries;
+  std::vector<std::uint32_t> decided;  // queries that the rewriting found to be constant
   std::vector<Component> components;
   std::vector<VariableId> variables;
   std::unique_ptr<WorldIndex> index;
@@ -63,17 +65,34 @@ GroundNetwork fold(const GroundNetwork& network, std::span<const ComponentId> co
   return groups.empty() ? network : fold_at_most_one(network, groups, covered);
 }
 
-Plan make_plan(const MethodContext& context, Kernel kernel) {
-  Plan plan;
-  plan.network = fold(context.network, context.components);
-  const GroundNetwork& n = plan.network;
-  plan.index = std::make_unique<WorldIndex>(n, context.atom_bias);
-  std::vector<ComponentId> components;
-  for (ComponentId c : context.components) {
-    for (VariableId v : context.network.component_variables(c)) components.push_back(n.component_of(v));
-  }
+void sort_unique(std::vector<ComponentId>& components) {
   std::ranges::sort(components);
   components.erase(std::unique(components.begin(), components.end()), components.end());
+}
+
+Plan make_plan(const MethodContext& context, Kernel kernel) {
+  Plan plan;
+  // Variables of the asked components, and biases, in the numbers of the rewritten network.
+  std::optional<RecognisedBlocks> blocks = recognise_blocks(context.network);
+  const GroundNetwork& source = blocks ? blocks->network : context.network;
+  const auto renamed = [&](AtomId a) { return blocks ? blocks->atom[a.index()] : a; };
+  std::vector<double> bias(context.atom_bias.empty() ? 0 : source.atom_count(), 0.0);
+  for (std::uint32_t a = 0; a < context.atom_bias.size(); ++a) bias[renamed(AtomId(a)).index()] = context.atom_bias[a];
+  std::vector<VariableId> asked;
+  std::vector<ComponentId> components;
+  for (ComponentId c : context.components) {
+    for (VariableId v : context.network.component_variables(c)) {
+      asked.push_back(source.variable_of(renamed(context.network.first_atom(v))));
+      components.push_back(source.component_of(asked.back()));
+    }
+  }
+  sort_unique(components);
+  plan.network = fold(source, components);
+  const GroundNetwork& n = plan.network;
+  plan.index = std::make_unique<WorldIndex>(n, bias);
+  components.clear();
+  for (VariableId v : asked) components.push_back(n.component_of(v));
+  sort_unique(components);
   for (ComponentId c : components) {
     Plan::Component part;
     const auto all = n.component_variables(c);
@@ -89,6 +108,9 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
     plan.components.push_back(std::move(part));
   }
   std::ranges::sort(plan.queries);
+  for (std::uint32_t q = 0; q < n.queries().size(); ++q) {
+    if (n.queries()[q].literal.is_constant()) plan.decided.push_back(q);
+  }
   return plan;
 }
 
@@ -101,16 +123,19 @@ class Chain {
       world_.set_demand(plan.index->node(c.literal), 0);
     }
     for (const auto& component : plan.components) {
-      parts_.push_back({component.cover.blocks, nullptr, nullptr, 0, 0.0});
+      parts_.push_back({component.cover.blocks, nullptr, nullptr});
       if (component.cover.whole) continue;
       Part& part = parts_.back();
       part.groups = std::make_unique<GroupMoves>(*plan.index, component.variables);
       if (kernel == Kernel::kMcSat) part.slice = std::make_unique<SliceStep>(*plan.index, component.variables, component.jump);
+      part.slice_every = part.groups->empty() ? kSliceEvery : kSliceEveryOfGroups;
       // A unit of work: one use of an atom by a gate.
       for (VariableId v : component.variables) {
+        double uses = 1.0;
         for (std::uint32_t i = 0; i < plan.network.candidate_count(v); ++i) {
-          part.sweep_cost += 1.0 + static_cast<double>(plan.index->uses(plan.network.first_atom(v).value + i).size());
+          uses += static_cast<double>(plan.index->uses(plan.network.first_atom(v).value + i).size());
         }
+        part.block_budget += uses * (part.groups->covers(v) ? kBlockShareOfGroups : kBlockShare);
       }
     }
   }
@@ -150,16 +175,17 @@ class Chain {
         part.blocks[0].draw(world_, rng_);
         continue;
       }
-      if (part.slice && (component.jump || sweeps_ % kSliceEvery == 0)) part.slice->step(world_, rng_);
+      if (part.slice && (component.jump || sweeps_ % part.slice_every == 0)) part.slice->step(world_, rng_);
       for (VariableId v : component.variables) {
         if (!part.groups->covers(v)) gibbs_step(world_, v, rng_, false, scratch_);
       }
       part.groups->sweep(world_, rng_);
       if (part.blocks.empty()) continue;
-      for (double spent = 0.0; spent < kBlockShare * part.sweep_cost;) {
+      // A block is drawn once its cost has been saved up.
+      for (part.credit += part.block_budget; part.credit >= part.blocks[part.next_block].cost();) {
         JointBlock& block = part.blocks[part.next_block];
         block.draw(world_, rng_);
-        spent += block.cost();
+        part.credit -= block.cost();
         part.next_block = (part.next_block + 1) % part.blocks.size();
       }
     }
@@ -174,12 +200,17 @@ class Chain {
     std::unique_ptr<SliceStep> slice;
     std::unique_ptr<GroupMoves> groups;
     std::size_t next_block = 0;
-    double sweep_cost = 0.0;
+    std::uint32_t slice_every = 1;
+    double block_budget = 0.0;  // table entries a sweep
+    double credit = 0.0;
   };
-  static constexpr double kBlockShare = 4.0;
-  // A slice step costs several sweeps and, next to joint draws, mixes little more: it comes every few sweeps, but every time where
-  // only its jumps lead everywhere.
+  // Table entries of joint draws for each use of an atom in a sweep: where at-most-one groups move as a whole, joint draws add little.
+  static constexpr double kBlockShare = 1.0;
+  static constexpr double kBlockShareOfGroups = 0.25;
+  // A slice step costs several sweeps: it comes every few of them, less often where groups move as a whole, but every time where only
+  // its jumps lead everywhere.
   static constexpr std::uint32_t kSliceEvery = 4;
+  static constexpr std::uint32_t kSliceEveryOfGroups = 16;
 
   void demand_hard(VariableId v) {
     for (std::uint32_t i = 0; i < plan_.network.candidate_count(v); ++i) demand_above(plan_.network.first_atom(v).value + i);
@@ -263,10 +294,14 @@ void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, st
 }
 
 // Nobody found a world: either there is none, and then propagation or search can say why, or it is only hard to find.
-MethodResult explain_failure(const MethodContext& context, const Plan& plan, std::size_t component) {
+MethodResult explain_failure(const MethodContext& context) {
   MethodResult result;
-  const VariableId v = plan.components[component - 1].variables.front();
-  const auto constraints = context.network.component_constraints(context.network.component_of(v));
+  // The rewritten component's atoms are renumbered: all asked components' constraints are looked at.
+  std::vector<std::uint32_t> constraints;
+  for (ComponentId c : context.components) {
+    const auto own = context.network.component_constraints(c);
+    constraints.insert(constraints.end(), own.begin(), own.end());
+  }
   const auto found = check_constraints(context.network, constraints, kConflictDecisions, context.stop);
   if (found && !found->possible) {
     result.termination = Termination::kNoPossibleWorld;
@@ -280,6 +315,9 @@ MethodResult explain_failure(const MethodContext& context, const Plan& plan, std
 }
 
 void summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records, std::vector<Marginal>& marginals) {
+  for (std::uint32_t q : plan.decided) {
+    marginals[q].probability = plan.network.queries()[q].literal == Literal::constant(true) ? 1.0 : 0.0;
+  }
   std::uint32_t kept = UINT32_MAX;
   for (const ChainRecord& r : records) kept = std::min(kept, r.recorder->draws());
   for (std::size_t q = 0; q < plan.queries.size(); ++q) {
@@ -330,7 +368,7 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
 
   for (const ChainRecord& r : records) {
     if (r.failed_component != 0) {
-      MethodResult failure = explain_failure(context, plan, r.failed_component);
+      MethodResult failure = explain_failure(context);
       failure.marginals = std::move(result.marginals);
       return failure;
     }
