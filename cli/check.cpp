@@ -1,7 +1,7 @@
 // sherlog check: parses, types and cross-checks a model, and evidence against it.
-#include <memory>
-
 #include <fmt/format.h>
+
+#include <memory>
 
 #include "cli/commands.h"
 #include "cli/report.h"
@@ -9,7 +9,6 @@
 
 namespace sherlog::cli {
 namespace {
-
 
 std::string count_text(std::size_t n, const char* noun) { return fmt::format("{} {}{}", n, noun, n == 1 ? "" : "s"); }
 
@@ -30,15 +29,17 @@ std::string check_text(const std::optional<Model>& model, const std::optional<st
   std::string text;
   if (model) {
     text += fmt::format("model: {}, {}, {} ({} hard)\n", count_text(model->domains().size(), "domain"),
-                        count_text(model->predicates().size(), "predicate"), count_text(model->formulas().size(), "formula"),
-                        hard_formulas(*model));
+                        count_text(model->predicates().size(), "predicate"),
+                        count_text(model->formulas().size(), "formula"), hard_formulas(*model));
   }
   if (model && databases) {
     for (std::size_t d = 0; d < databases->size(); ++d) {
       std::size_t added = 0;
-      for (std::size_t i = 0; i < model->domains().size(); ++i) added += (*databases)[d].added_constants(DomainId(i)).size();
-      text += fmt::format("database {}: {}, {}\n", d + 1, count_text(stated_atoms(*model, (*databases)[d]), "stated atom"),
-                          count_text(added, "added constant"));
+      for (std::size_t i = 0; i < model->domains().size(); ++i)
+        added += (*databases)[d].added_constants(DomainId(i)).size();
+      text +=
+          fmt::format("database {}: {}, {}\n", d + 1, count_text(stated_atoms(*model, (*databases)[d]), "stated atom"),
+                      count_text(added, "added constant"));
     }
   }
   return text + fmt::format("{}, {}\n", count_text(diagnostics.error_count(), "error"),
@@ -57,7 +58,8 @@ Json check_json(const std::optional<Model>& model, const std::optional<std::vect
     Json& entry = json["model"];
     entry["domains"] = Json::array();
     for (const Domain& domain : model->domains()) {
-      entry["domains"].push_back({{"name", domain.name}, {"constants", domain.constants.size()}, {"declared", domain.declared}});
+      entry["domains"].push_back(
+          {{"name", domain.name}, {"constants", domain.constants.size()}, {"declared", domain.declared}});
     }
     entry["predicates"] = Json::array();
     for (const Predicate& predicate : model->predicates()) {
@@ -67,14 +69,16 @@ Json check_json(const std::optional<Model>& model, const std::optional<std::vect
         if (predicate.marked[i]) argument += predicate.block == BlockKind::kExactlyOne ? "!" : "?";
         arguments.push_back(std::move(argument));
       }
-      entry["predicates"].push_back({{"name", predicate.name}, {"arguments", std::move(arguments)}, {"closed", predicate.closed}});
+      entry["predicates"].push_back(
+          {{"name", predicate.name}, {"arguments", std::move(arguments)}, {"closed", predicate.closed}});
     }
     entry["formulas"] = model->formulas().size();
     entry["hard_formulas"] = hard_formulas(*model);
   }
   if (model && databases) {
     json["databases"] = Json::array();
-    for (const Evidence& evidence : *databases) json["databases"].push_back({{"stated_atoms", stated_atoms(*model, evidence)}});
+    for (const Evidence& evidence : *databases)
+      json["databases"].push_back({{"stated_atoms", stated_atoms(*model, evidence)}});
   }
   json["seconds"] = {{"total", seconds}};
   return json;

@@ -1,9 +1,8 @@
 // The commands. To add one: a file with a function `add_<command>`, its line here and its line in main.cpp.
 #pragma once
 
-#include <functional>
-
 #include <CLI/CLI.hpp>
+#include <functional>
 
 namespace sherlog::cli {
 

@@ -9,7 +9,8 @@ namespace {
 
 class Collector {
  public:
-  Collector(const Model& model, const Evidence& evidence, std::vector<ConstantIndex> by_variable, const Formula& formula)
+  Collector(const Model& model, const Evidence& evidence, std::vector<ConstantIndex> by_variable,
+            const Formula& formula)
       : model_(model), evidence_(evidence), formula_(formula), values_(std::move(by_variable)) {}
 
   void visit(const FormulaNode& node) {

@@ -1,14 +1,15 @@
 // sherlog convert: a model in another system's spelling; or another system's model, read with its precedence, in ours.
-#include <map>
-#include <memory>
+#include "mln/convert.h"
 
 #include <fmt/format.h>
+
+#include <map>
+#include <memory>
 
 #include "cli/commands.h"
 #include "cli/output.h"
 #include "cli/report.h"
 #include "cli/session.h"
-#include "mln/convert.h"
 #include "mln/parser.h"
 #include "mln/printer.h"
 
@@ -74,18 +75,23 @@ int run_convert(Options options, const Conversion& conversion) {
 void add_convert(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto conversion = std::make_shared<Conversion>();
-  CLI::App* command = app.add_subcommand("convert", "Write a model for another system, or read one with its precedence");
+  CLI::App* command =
+      app.add_subcommand("convert", "Write a model for another system, or read one with its precedence");
   add_model_options(*command, *options);
   const std::string names = "sherlog|alchemy|pracmln|tuffy";
   command->add_option("--to", conversion->to, "Whose spelling to write")
       ->type_name(names)
       ->required()
-      ->check(CLI::IsMember({"sherlog", "alchemy", "pracmln", "tuffy"}));
-  command->add_option("--from", conversion->from, "Whose precedence to read with (default sherlog; in pracmln 'v' binds tighter)")
+      ->check(one_of({"sherlog", "alchemy", "pracmln", "tuffy"}));
+  command
+      ->add_option("--from", conversion->from,
+                   "Whose precedence to read with (default sherlog; in pracmln 'v' binds tighter)")
       ->type_name(names)
-      ->check(CLI::IsMember({"sherlog", "alchemy", "pracmln", "tuffy"}));
-  command->add_option("-o,--output", conversion->output, "Where the model goes (default '-': standard output)")->type_name("FILE|-");
-  command->add_flag("--inline-includes", conversion->inline_includes, "Write the included statements instead of #include (always so for another system)");
+      ->check(one_of({"sherlog", "alchemy", "pracmln", "tuffy"}));
+  command->add_option("-o,--output", conversion->output, "Where the model goes (default '-': standard output)")
+      ->type_name("FILE|-");
+  command->add_flag("--inline-includes", conversion->inline_includes,
+                    "Write the included statements instead of #include (always so for another system)");
   add_common_options(*command, *options);
   command->callback([options, conversion, &action] {
     action = [options, conversion] { return run_convert(*options, *conversion); };

@@ -1,10 +1,10 @@
 // sherlog explain: the ground formulas that moved an atom, with their contribution in log-odds.
 #include "inference/explain.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <memory>
-
-#include <fmt/format.h>
 
 #include "cli/commands.h"
 #include "cli/report.h"
@@ -21,7 +21,8 @@ struct Item {
   std::optional<double> weight;
 };
 
-Item describe(const Model& model, const Evidence& evidence, const GroundNetwork& network, const Contribution& contribution) {
+Item describe(const Model& model, const Evidence& evidence, const GroundNetwork& network,
+              const Contribution& contribution) {
   Item item;
   const auto of_model = [&](FormulaId formula, std::uint32_t binding) {
     item.formula = bound_formula_text(model, evidence, network, formula, binding);
@@ -49,18 +50,24 @@ std::string number(double value) {
   return fmt::format("{:+.6f}", value);
 }
 
-std::string explain_text(const Model& model, const Evidence& evidence, const GroundNetwork& network, const std::string& atom,
-                         const Explanation& explanation, std::size_t limit) {
+std::string explain_text(const Model& model, const Evidence& evidence, const GroundNetwork& network,
+                         const std::string& atom, const Explanation& explanation, std::size_t limit) {
   std::string text = fmt::format("P({}) = {:.6f}, log-odds {} (method {})\n", atom, explanation.probability,
                                  number(explanation.log_odds), explanation.method);
   if (!explanation.message.empty()) text += explanation.message + "\n";
   text += "\n";
   if (explanation.contributions.empty()) return text + "no ground formula moves it\n";
-  Table table({{"log-odds", Align::kRight}, {"weight", Align::kRight}, {"ground formula", Align::kLeft}, {"from", Align::kLeft}});
+  Table table({{"log-odds", Align::kRight},
+               {"weight", Align::kRight},
+               {"ground formula", Align::kLeft},
+               {"from", Align::kLeft}});
   const bool sampled = explanation.contributions.front().mcse.has_value();
   if (sampled) {
-    table = Table({{"log-odds", Align::kRight}, {"mcse", Align::kRight}, {"weight", Align::kRight},
-                   {"ground formula", Align::kLeft}, {"from", Align::kLeft}});
+    table = Table({{"log-odds", Align::kRight},
+                   {"mcse", Align::kRight},
+                   {"weight", Align::kRight},
+                   {"ground formula", Align::kLeft},
+                   {"from", Align::kLeft}});
   }
   std::size_t shown = 0;
   for (const Contribution& contribution : explanation.contributions) {

@@ -1,10 +1,10 @@
 // sherlog ground: how large the ground network is and what made it so; its export to other programs.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 #include <memory>
 #include <sstream>
-
-#include <fmt/format.h>
 
 #include "cli/commands.h"
 #include "cli/output.h"
@@ -105,7 +105,8 @@ Json ground_json(const Model& model, const GroundingResult& result, const std::v
     std::map<std::size_t, std::size_t, std::greater<>> histogram;
     for (std::size_t size : sizes) ++histogram[size];
     json["component_sizes"] = Json::array();
-    for (const auto& [size, count] : histogram) json["component_sizes"].push_back({{"variables", size}, {"count", count}});
+    for (const auto& [size, count] : histogram)
+      json["component_sizes"].push_back({{"variables", size}, {"count", count}});
   }
   if (!conflict.empty()) json["conflict"] = conflict_json(conflict);
   json["formulas"] = Json::array();
@@ -158,7 +159,8 @@ int run_ground(Options options, const Export& wanted) {
     std::vector<ConflictItem> conflict;
     if (result.conflict) {
       conflict = conflict_items(*result.conflict);
-      session.print_message(conflict_text(conflict, result.message.empty() ? result.conflict->sentence : result.message));
+      session.print_message(
+          conflict_text(conflict, result.message.empty() ? result.conflict->sentence : result.message));
     } else if (result.termination != Termination::kCompleted) {
       session.error(result.message.empty() ? to_string(result.termination) : result.message);
     }
@@ -196,12 +198,13 @@ void add_ground(CLI::App& app, Action& action) {
   add_world_options(*command, *options);
   CLI::Option* format = command->add_option("--export", wanted->format, "Write the ground network in this format")
                             ->type_name("wcnf|uai|graphml|dot")
-                            ->check(CLI::IsMember({"wcnf", "uai", "graphml", "dot"}));
+                            ->check(one_of({"wcnf", "uai", "graphml", "dot"}));
   command->add_option("-o,--output", wanted->output, "Where --export writes (default '-': standard output)")
       ->type_name("FILE|-")
       ->needs(format);
   add_common_options(*command, *options);
-  command->callback([options, wanted, &action] { action = [options, wanted] { return run_ground(*options, *wanted); }; });
+  command->callback(
+      [options, wanted, &action] { action = [options, wanted] { return run_ground(*options, *wanted); }; });
 }
 
 }  // namespace sherlog::cli

@@ -1,9 +1,9 @@
 // sherlog infer: marginals, or the most probable world, for each database.
+#include <fmt/format.h>
+
 #include <memory>
 #include <new>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "cli/commands.h"
 #include "cli/report.h"
@@ -17,10 +17,11 @@ void print_remarks(Session& session, const InferenceReport& report, const std::s
   const InferenceResult& result = report.result;
   for (const std::string& warning : result.warnings) session.warning(prefix + warning);
   if (result.diagnostics && !result.diagnostics->converged && result.warnings.empty()) {
-    session.warning(fmt::format("{}{} of {} marginals have not converged (largest R-hat {:.3f}, smallest ESS {:.0f}): "
-                                "take more --samples or --method exact",
-                                prefix, result.diagnostics->not_converged, result.marginals.size(), result.diagnostics->rhat_max,
-                                result.diagnostics->ess_min));
+    session.warning(
+        fmt::format("{}{} of {} marginals have not converged (largest R-hat {:.3f}, smallest ESS {:.0f}): "
+                    "take more --samples or --method exact",
+                    prefix, result.diagnostics->not_converged, result.marginals.size(), result.diagnostics->rhat_max,
+                    result.diagnostics->ess_min));
   }
   switch (result.termination) {
     case Termination::kCompleted:
@@ -125,7 +126,8 @@ int run_infer(Options options) {
 
 void add_infer(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("infer", "Marginal probabilities, or with --method map the most probable world");
+  CLI::App* command =
+      app.add_subcommand("infer", "Marginal probabilities, or with --method map the most probable world");
   add_model_options(*command, *options);
   add_evidence_options(*command, *options);
   add_query_options(*command, *options);

@@ -1,4 +1,7 @@
 // The program: one command a run. Each command is a file of its own; this one knows their list and the exit codes.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
 #include <memory>
@@ -6,9 +9,6 @@
 #include <sstream>
 #include <string>
 #include <system_error>
-
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
 
 #include "cli/commands.h"
 #include "cli/exit_code.h"
@@ -55,8 +55,9 @@ int run(int argc, char** argv) {
   sherlog::cli::add_infer(app, action);
   sherlog::cli::add_explain(app, action);
   sherlog::cli::add_convert(app, action);
-  app.footer("Exit codes: 0 done; 1 internal error; 2 bad usage or input; 3 no possible world; 4 a limit was reached;\n"
-             "130 interrupted. 'sherlog COMMAND --help' lists the options of a command.");
+  app.footer(
+      "Exit codes: 0 done; 1 internal error; 2 bad usage or input; 3 no possible world; 4 a limit was reached;\n"
+      "130 interrupted. 'sherlog COMMAND --help' lists the options of a command.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -76,8 +77,8 @@ int main(int argc, char** argv) {
     return sherlog::cli::kLimitReached;
   } catch (const std::system_error& error) {
     // A thread that cannot be made for want of memory is a limit as well.
-    const bool limit = error.code() == std::errc::resource_unavailable_try_again ||
-                       error.code() == std::errc::not_enough_memory;
+    const bool limit =
+        error.code() == std::errc::resource_unavailable_try_again || error.code() == std::errc::not_enough_memory;
     std::fprintf(stderr, "sherlog: error: %s\n", error.what());
     return limit ? sherlog::cli::kLimitReached : sherlog::cli::kInternalError;
   } catch (const std::exception& error) {

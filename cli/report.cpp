@@ -1,10 +1,10 @@
 #include "cli/report.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
-
-#include <fmt/format.h>
 
 #include "cli/conflict_evidence.h"
 #include "cli/table.h"
@@ -22,7 +22,7 @@ void put(Json& json, const char* key, const std::optional<double>& value) {
 
 std::string query_text(const GroundNetwork& network, const QueryTarget& query) {
   if (query.is_formula) return query.formula_text;
-  return network.literal_text(query.literal);
+  return network.literal_text(query.literal, std::string::npos);  // a name is never cut
 }
 
 // Truth of a literal in a world given by the variables' values. Gates below it, inputs first; each is visited once.
@@ -74,7 +74,8 @@ std::vector<std::vector<std::size_t>> rows_by_block(const GroundNetwork& network
 
 std::string marginal_table(const GroundNetwork& network, const InferenceResult& result) {
   const auto any = [&](auto member) {
-    return std::any_of(result.marginals.begin(), result.marginals.end(), [&](const Marginal& m) { return (m.*member).has_value(); });
+    return std::any_of(result.marginals.begin(), result.marginals.end(),
+                       [&](const Marginal& m) { return (m.*member).has_value(); });
   };
   const bool mcse = any(&Marginal::mcse), ess = any(&Marginal::ess), rhat = any(&Marginal::rhat);
   Table table({{"atom", Align::kLeft}, {"probability", Align::kRight}});
@@ -88,7 +89,8 @@ std::string marginal_table(const GroundNetwork& network, const InferenceResult& 
     last_was_block = block;
     for (std::size_t q : group) {
       const Marginal& marginal = result.marginals[q];
-      std::vector<std::string> row{query_text(network, network.queries()[q]), fmt::format("{:.6f}", marginal.probability)};
+      std::vector<std::string> row{query_text(network, network.queries()[q]),
+                                   fmt::format("{:.6f}", marginal.probability)};
       const auto cell = [&](bool column, const std::optional<double>& value, const char* format) {
         if (column) row.push_back(value ? fmt::format(fmt::runtime(format), *value) : "");
       };
@@ -105,7 +107,8 @@ std::string map_text(const GroundNetwork& network, const MapSolution& map) {
   std::string text;
   for (const auto& group : rows_by_block(network)) {
     for (std::size_t q : group) {
-      if (holds(network, map.values, network.queries()[q].literal)) text += query_text(network, network.queries()[q]) + "\n";
+      if (holds(network, map.values, network.queries()[q].literal))
+        text += query_text(network, network.queries()[q]) + "\n";
     }
   }
   if (text.empty()) text = "(no queried atom is true)\n";
@@ -186,8 +189,8 @@ std::string to_text(const Json& document) {
   return document.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-std::string bound_formula_text(const Model& model, const Evidence& evidence, const GroundNetwork& network, FormulaId formula,
-                               std::uint32_t binding) {
+std::string bound_formula_text(const Model& model, const Evidence& evidence, const GroundNetwork& network,
+                               FormulaId formula, std::uint32_t binding) {
   if (formula.index() >= model.formulas().size()) return "";
   const Formula& source = model.formula(formula);
   if (binding == kNoBinding) return source.text;
@@ -236,10 +239,12 @@ std::vector<ConflictItem> conflict_items(const Model& model, const Evidence& evi
 }
 
 std::string conflict_text(const std::vector<ConflictItem>& conflict, const std::string& sentence) {
-  std::string text = fmt::format("{}: error: no possible world{}{}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
-                                 sentence.empty() ? "" : ": ", sentence);
+  std::string text =
+      fmt::format("{}: error: no possible world{}{}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
+                  sentence.empty() ? "" : ": ", sentence);
   for (const ConflictItem& item : conflict) {
-    text += fmt::format("{}: note: {}{}\n", place_text(item), item.is_formula ? "hard formula: " : "evidence: ", item.text);
+    text +=
+        fmt::format("{}: note: {}{}\n", place_text(item), item.is_formula ? "hard formula: " : "evidence: ", item.text);
   }
   return text;
 }

@@ -3,12 +3,11 @@
 // JSON: keys in a fixed order; a value that a method has not, or that is not finite, is left out.
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "grounding/ground.h"
 #include "inference/explain.h"
@@ -47,8 +46,8 @@ struct InferenceReport {
 std::string to_text(const Json& document);
 
 // "Smokes(Anna) => Cancer(Anna)": the formula of a constraint or feature with the constants of one grounding.
-std::string bound_formula_text(const Model& model, const Evidence& evidence, const GroundNetwork& network, FormulaId formula,
-                               std::uint32_t binding);
+std::string bound_formula_text(const Model& model, const Evidence& evidence, const GroundNetwork& network,
+                               FormulaId formula, std::uint32_t binding);
 std::vector<ConflictItem> conflict_items(const Conflict& conflict);
 std::vector<ConflictItem> conflict_items(const Model& model, const Evidence& evidence, const GroundNetwork& network,
                                          std::span<const std::uint32_t> constraints);

@@ -1,5 +1,9 @@
 #include "cli/session.h"
 
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cctype>
 #include <charconv>
@@ -7,10 +11,6 @@
 #include <cstdio>
 #include <new>
 #include <thread>
-
-#include <fmt/format.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include "cli/output.h"
 
@@ -53,13 +53,16 @@ CLI::Option* add_repeatable(CLI::App& command, const std::string& name, std::vec
 }  // namespace
 
 void add_common_options(CLI::App& command, Options& options) {
-  command.add_option("--json", options.json, "Write the result as JSON to FILE; '-': to standard output, and nothing else there")
+  command
+      .add_option("--json", options.json,
+                  "Write the result as JSON to FILE; '-': to standard output, and nothing else there")
       ->type_name("FILE|-")
       ->group("Common");
   command.add_option("--seed", options.seed, "Seed of all randomness (default 1)")->type_name("N")->group("Common");
-  command.add_option("--threads", options.threads, "Threads; the answer does not depend on them (default 0: all cores)")
+  command
+      .add_option("--threads", options.threads, "Threads; the answer does not depend on them (default 0: all cores)")
       ->type_name("N")
-      ->check(CLI::Range(0u, 4096u, "0 to 4096"))
+      ->check(CLI::Range(0u, 4096u).description(""))
       ->group("Common");
   command.add_flag("--quiet", options.quiet, "No warnings and no progress bar")->group("Common");
   command.add_option("--max-seconds", options.max_seconds, "Stop after S seconds with the best answer so far")
@@ -91,10 +94,12 @@ void add_query_options(CLI::App& command, Options& options) {
 void add_world_options(CLI::App& command, Options& options) {
   // A flag with an optional value: it is taken by '=' only, so the next word is never swallowed.
   const std::string help = "Open these predicates (--open-world=PRED,..); without a value all but those declared *P";
-  command.add_flag("--open-world{*}", help)->each([&options](const std::string& value) { options.open_world.push_back(value); });
+  command.add_flag("--open-world{*}", help)->each([&options](const std::string& value) {
+    options.open_world.push_back(value);
+  });
   command.add_option("--soft-evidence", options.soft_evidence, "How a degree of evidence is read (default virtual)")
       ->type_name("virtual|jeffrey")
-      ->check(CLI::IsMember({"virtual", "jeffrey"}));
+      ->check(one_of({"virtual", "jeffrey"}));
 }
 
 void add_inference_options(CLI::App& command, Options& options) {
@@ -102,8 +107,9 @@ void add_inference_options(CLI::App& command, Options& options) {
   for (const Method& method : methods()) {
     if (method.name != std::string_view("auto")) names += fmt::format("|{}", method.name);
   }
-  std::string help = "Method of inference (default auto)";
-  for (const Method& method : methods()) help += fmt::format("; {}: {}", method.name, method.summary);
+  std::string help =
+      "Method of inference (default auto)\nauto: exact where the components are narrow enough, else mcsat";
+  for (const Method& method : methods()) help += fmt::format("\n{}: {}", method.name, method.summary);
   command.add_option("--method", options.method, help)->type_name(names);
   command.add_option("--samples", options.samples, "Kept draws in all chains together (default 20000)")->type_name("N");
   command.add_option("--chains", options.chains, "Chains (default 4)")->type_name("N");
@@ -111,12 +117,24 @@ void add_inference_options(CLI::App& command, Options& options) {
       ->type_name("N");
 }
 
+CLI::Validator one_of(std::vector<std::string> words) {
+  return CLI::Validator(
+      [words = std::move(words)](const std::string& value) {
+        if (std::find(words.begin(), words.end(), value) != words.end()) return std::string();
+        std::string nearest = did_you_mean(value, words);
+        if (!nearest.empty()) nearest = fmt::format("; did you mean '{}'?", nearest);
+        return fmt::format("'{}' is none of {}{}", value, fmt::join(words, ", "), nearest);
+      },
+      "");
+}
+
 std::optional<std::size_t> parse_size(std::string_view text) {
   double number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, std::chars_format::fixed);
   if (error != std::errc() || !std::isfinite(number) || number < 0) return std::nullopt;
   std::string unit(end, text.data() + text.size());
-  std::transform(unit.begin(), unit.end(), unit.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+  std::transform(unit.begin(), unit.end(), unit.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
   double factor = 1;
   if (!unit.empty() && unit != "B") {
     static constexpr std::string_view kPrefixes = "KMGT";
@@ -145,12 +163,14 @@ bool Session::check_options(const std::vector<std::string>& outputs) {
                            std::count(options_.evidence.begin(), options_.evidence.end(), "-");
   if (stdin_count > 1) return error("standard input ('-') can be read only once"), false;
   if (std::isnan(options_.max_seconds) || options_.max_seconds < 0) {
-    return error(fmt::format("--max-seconds: {} is not a number of seconds of at least 0", options_.max_seconds)), false;
+    return error(fmt::format("--max-seconds: {} is not a number of seconds of at least 0", options_.max_seconds)),
+           false;
   }
   if (!options_.max_memory_text.empty()) {
     const auto bytes = parse_size(options_.max_memory_text);
     if (!bytes) {
-      return error(fmt::format("--max-memory: '{}' is not a size such as 500M, 2G or 4GiB", options_.max_memory_text)), false;
+      return error(fmt::format("--max-memory: '{}' is not a size such as 500M, 2G or 4GiB", options_.max_memory_text)),
+             false;
     }
     max_memory_ = *bytes;
     limit_memory(max_memory_, options_.threads);
@@ -235,8 +255,9 @@ void Session::print_diagnostics() {
     print_message(text);
     printed_texts_.push_back(std::move(text));
   }
-  const std::size_t errors = static_cast<std::size_t>(std::count_if(
-      diagnostics_.all().begin(), diagnostics_.all().end(), [](const Diagnostic& d) { return d.severity == Severity::kError; }));
+  const std::size_t errors =
+      static_cast<std::size_t>(std::count_if(diagnostics_.all().begin(), diagnostics_.all().end(),
+                                             [](const Diagnostic& d) { return d.severity == Severity::kError; }));
   if (diagnostics_.error_count() > errors && !counted_rest_) {
     print_message(fmt::format("{} more errors are not shown", diagnostics_.error_count() - errors));
     counted_rest_ = true;
@@ -251,12 +272,14 @@ void Session::print_message(std::string_view text) {
 }
 
 void Session::error(std::string_view text) {
-  print_message(colour_ ? fmt::format("sherlog: \x1b[1;31merror:\x1b[0m {}", text) : fmt::format("sherlog: error: {}", text));
+  print_message(colour_ ? fmt::format("sherlog: \x1b[1;31merror:\x1b[0m {}", text)
+                        : fmt::format("sherlog: error: {}", text));
 }
 
 void Session::warning(std::string_view text) {
   if (options_.quiet) return;
-  print_message(colour_ ? fmt::format("sherlog: \x1b[1;35mwarning:\x1b[0m {}", text) : fmt::format("sherlog: warning: {}", text));
+  print_message(colour_ ? fmt::format("sherlog: \x1b[1;35mwarning:\x1b[0m {}", text)
+                        : fmt::format("sherlog: warning: {}", text));
 }
 
 int Session::finish(int code, const std::string& text, const std::function<std::string()>& json) {

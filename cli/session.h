@@ -1,6 +1,7 @@
 // What all commands share: their common options, reading the inputs, messages, limits and where the results go.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -9,8 +10,6 @@
 #include <string>
 #include <string_view>
 #include <vector>
-
-#include <CLI/CLI.hpp>
 
 #include "cli/exit_code.h"
 #include "cli/terminal.h"
@@ -47,6 +46,9 @@ void add_evidence_options(CLI::App& command, Options& options);   // -e --ignore
 void add_query_options(CLI::App& command, Options& options);      // -q
 void add_world_options(CLI::App& command, Options& options);      // --open-world --soft-evidence
 void add_inference_options(CLI::App& command, Options& options);  // --method --samples --chains --burn-in
+
+// Accepts these words only. Help shows them as the option's type, so the check has no text of its own there.
+CLI::Validator one_of(std::vector<std::string> words);
 
 // "500M", "2G", "4GiB", "1000000" in bytes: K, M, G, T (also KB, ...) are powers of 1000, KiB, ... of 1024.
 std::optional<std::size_t> parse_size(std::string_view text);

@@ -44,7 +44,8 @@ int main() {
 
   // Method "auto": exact where the components are narrow enough, as here; else MC-SAT.
   const auto result = sherlog::infer(*grounded.network, {}, monitor);
-  if (result.termination != sherlog::Termination::kCompleted) return std::fprintf(stderr, "%s\n", result.message.c_str()), 4;
+  if (result.termination != sherlog::Termination::kCompleted)
+    return std::fprintf(stderr, "%s\n", result.message.c_str()), 4;
 
   // Marginals come in the order of the network's queries.
   std::printf("method %s\n", result.method.c_str());

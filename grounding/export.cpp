@@ -1,18 +1,18 @@
 #include "grounding/export.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <boost/graph/adjacency_list.hpp>
+#include <boost/graph/graphml.hpp>
+#include <boost/graph/graphviz.hpp>
+#include <boost/property_map/dynamic_property_map.hpp>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <ostream>
 #include <string>
 #include <vector>
-
-#include <boost/graph/adjacency_list.hpp>
-#include <boost/graph/graphml.hpp>
-#include <boost/graph/graphviz.hpp>
-#include <boost/property_map/dynamic_property_map.hpp>
-#include <fmt/format.h>
 
 namespace sherlog {
 namespace {
@@ -160,7 +160,8 @@ class UaiWriter {
     }
     for (const Factor& factor : factors_) {
       out << '\n' << factor.table.size() << '\n';
-      for (std::size_t i = 0; i < factor.table.size(); ++i) out << (i == 0 ? "" : " ") << fmt::format("{}", factor.table[i]);
+      for (std::size_t i = 0; i < factor.table.size(); ++i)
+        out << (i == 0 ? "" : " ") << fmt::format("{}", factor.table[i]);
       out << '\n';
     }
   }
@@ -181,7 +182,9 @@ class UaiWriter {
   };
   using Values = std::map<std::uint32_t, std::uint32_t>;
 
-  static bool holds(const Test& test, const Values& values) { return (values.at(test.variable) == test.value) != test.negated; }
+  static bool holds(const Test& test, const Values& values) {
+    return (values.at(test.variable) == test.value) != test.negated;
+  }
 
   void add_factor(std::vector<std::uint32_t> scope, const std::function<double(const Values&)>& entry) {
     std::sort(scope.begin(), scope.end());

@@ -28,6 +28,8 @@ std::uint64_t gate_hash(GateKind kind, std::span<const Literal> inputs) {
   return hash;
 }
 
+constexpr std::size_t kShortOr = 8;
+
 template <class T>
 std::size_t bytes_of(const std::vector<T>& v) {
   return v.capacity() * sizeof(T);
@@ -214,6 +216,15 @@ Literal NetworkBuilder::make_or(std::vector<Literal>& inputs) {
     if (input == kTrue) return kTrue;
   }
   std::erase(inputs, kFalse);
+  // Short disjunctions inside are taken apart, so that what a formula says is seen whatever its brackets; long ones stay shared.
+  for (std::size_t i = 0, end = inputs.size(); i < end; ++i) {
+    const Literal input = inputs[i];
+    if (!input.is_gate() || input.negated() || network_.gate_kind_[input.gate().index()] != GateKind::kOr) continue;
+    const auto inner = network_.gate_inputs(input.gate());
+    if (inner.size() > kShortOr) continue;
+    inputs[i] = inner[0];
+    inputs.insert(inputs.end(), inner.begin() + 1, inner.end());
+  }
   std::ranges::sort(inputs);
   inputs.erase(std::unique(inputs.begin(), inputs.end()), inputs.end());
   // Sorted by code: the atoms of one variable are neighbours, except that gates (bit 1) are mixed in between.

@@ -224,7 +224,8 @@ class NetworkBuilder {
   const GroundNetwork& so_far() const { return network_; }
 
   // OR of the inputs (reordered in place): constants, repetitions, complements and blocks are simplified away (two different
-  // values denied of one block: true; every value of a block without "none": true), nested ORs are not flattened.
+  // values denied of one block: true; every value of a block without "none": true), and short ORs
+  // among the inputs are taken apart.
   Literal make_or(std::vector<Literal>& inputs);
   Literal make_and(std::vector<Literal>& inputs);  // the inputs come back negated
   Literal make_iff(Literal a, Literal b);
@@ -237,6 +238,8 @@ class NetworkBuilder {
   // Demands the literal; a conjunction is split; a constant true is dropped. Returns false where the literal is constant
   // false: no world is possible (nothing is recorded).
   bool add_constraint(Literal literal, FormulaId formula, std::span<const ConstantIndex> binding = {});
+  // Hands all features over; the network has none then.
+  std::vector<Feature> take_features() { return std::exchange(network_.features_, {}); }
   // By index; the others move up.
   void remove_constraints(std::span<const std::uint32_t> indices);
   void add_query(QueryTarget target) { network_.queries_.push_back(std::move(target)); }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "inference/exact.h"
+#include "inference/group_lifting.h"
 #include "inference/jeffrey.h"
 #include "inference/mcsat.h"
 
@@ -153,7 +154,7 @@ std::vector<double> fit_soft_targets(const GroundNetwork& network, const Method*
 
 }  // namespace
 
-InferenceResult infer(const GroundNetwork& network, const InferenceOptions& options, Monitor& monitor) {
+InferenceResult infer(const GroundNetwork& original, const InferenceOptions& options, Monitor& monitor) {
   InferenceResult result;
   result.options = options;
   result.seed = options.seed;
@@ -165,6 +166,10 @@ InferenceResult infer(const GroundNetwork& network, const InferenceOptions& opti
   }
   const StopCondition stop(monitor, options.max_seconds);
   const Method* method = options.method == "auto" ? nullptr : find_method(options.method);
+  const bool wants_map = method != nullptr && method->finds_map;
+  // Constraints, variables and queries keep their numbers, so nothing in the result has to be translated back.
+  const std::optional<GroundNetwork> lifted = wants_map ? std::nullopt : lift_over_groups(original);
+  const GroundNetwork& network = lifted ? *lifted : original;
   std::vector<double> biases;
   if (!network.soft_targets().empty()) {
     biases = fit_soft_targets(network, method, options, stop, result);
@@ -175,7 +180,6 @@ InferenceResult infer(const GroundNetwork& network, const InferenceOptions& opti
   }
   const std::vector<ComponentId> components = all_components(network);
   const MethodContext context{network, components, options, stop, biases};
-  const bool wants_map = method != nullptr && method->finds_map;
   MethodResult run = wants_map ? method->run(context) : run_marginals(context, method, result.method);
   result.termination = run.termination;
   result.message = std::move(run.message);

@@ -2,11 +2,12 @@
 //
 // Idea      A 0/1 column for each atom; a column for each gate that carries weight or feeds one that does, tied to its inputs by
 //           rows only in the directions that are pushed: an OR that is wanted true is at most the sum of its inputs, one
-//           that is wanted false is at least each of them. Blocks are rows "exactly one" or "at most one". Three things make
+//           that is wanted false is at least each of them. Blocks are rows "exactly one" or "at most one". Four things make
 //           the relaxation tight on matchings, where it otherwise says nothing:
 //             groups   of which at most one is true, found among pairwise hard clauses, are one row instead of a row for each pair
 //             sums     an OR over members of such a group is at least their sum, not only each of them
 //             merging  equal weights on R v !a for all a of a group are one weight on R v !(some a)
+//             counting soft groups of one weight (soft_cliques.h) cost by the number of their true members, a convex function
 //           The rest is the solver's: Clp for the relaxation, Cbc for branch and cut.
 // Source    Riedel, UAI 2008; Noessner, Niepert & Stuckenschmidt (RockIt), AAAI 2013, for cutting planes and merged evidence;
 //           COIN-OR Clp and Cbc.

@@ -22,11 +22,11 @@ constexpr double kTinyLog2 = 12.0;
 // Beyond this table size (log2), or in total, the relaxation is the better bet.
 constexpr double kNarrowLog2 = 16.0;
 constexpr double kNarrowTotalLog2 = 23.0;
-// Effort of the integer program: entries of the matrix x iterations, about a nanosecond each. The first look decides most
-// matchings before elimination has even been considered.
+// Effort of the integer program: size of the program x iterations. 1e9 of it takes a second or two in the relaxation and, with
+// cuts, about 30 times that in the tree. The first look decides most matchings before elimination has been considered.
 constexpr double kFirstWork = 2e8;
 constexpr double kRelaxationWork = 1.5e9;
-constexpr double kTreeWork = 1.5e9;
+constexpr double kTreeWork = 1e8;
 constexpr std::uint32_t kTreeNodes = 5000;
 constexpr std::uint64_t kShortFlips = 20000;  // of the search for an incumbent
 constexpr std::uint64_t kConflictDecisions = 100000;

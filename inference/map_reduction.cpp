@@ -345,6 +345,12 @@ bool MapReduction::remove_private_atom(std::uint32_t atom, std::uint32_t gate) {
   forget_input(gate, atom);
   weight_[gate] = best[1] - best[0];
   truth_[gate] = -1;
+  if (input_end_[gate] - input_begin_[gate] == 1) {  // the weight is on that input
+    const Input& last = inputs_[input_begin_[gate]];
+    if (last.negated) constant_ += weight_[gate];
+    weight_[last.node] += last.negated ? -weight_[gate] : weight_[gate];
+    weight_[gate] = 0.0;
+  }
   return true;
 }
 

@@ -3,9 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
-
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "tests/e2e/program.h"
 
@@ -50,14 +49,27 @@ TEST_F(Cli, HelpAndVersionAreResults) {
 }
 
 TEST_F(Cli, WrongUsageIsExit2AndSaysWhereHelpIs) {
-  for (const char* arguments :
-       {"", "nonsense", "infer", "infer -m", "infer -m m.mln --nonsense", "infer -m m.mln -q Smokes --method nonsense",
-        "infer -m m.mln", "infer -m m.mln -q Smokes --samples=-3", "infer -m m.mln -q Smokes --max-memory 3X",
-        "infer -m m.mln -q Smokes --max-seconds=-1", "infer -m m.mln -q Smokes --max-seconds=nan",
-        "infer -m m.mln -q Smokes --soft-evidence both", "infer -m m.mln -q Smokes --chains 0", "infer -m - -e - -q Smokes",
-        "infer -m m.mln -q Smokes --json no/such/folder/x.json", "infer -m m.mln -q Smokes --open-world=Smoke",
-        "ground -m m.mln --export nonsense", "ground -m m.mln -o x", "explain -m m.mln", "convert -m m.mln --to nonsense",
-        "ground -m m.mln --export dot --json -"}) {
+  for (const char* arguments : {"",
+                                "nonsense",
+                                "infer",
+                                "infer -m",
+                                "infer -m m.mln --nonsense",
+                                "infer -m m.mln -q Smokes --method nonsense",
+                                "infer -m m.mln",
+                                "infer -m m.mln -q Smokes --samples=-3",
+                                "infer -m m.mln -q Smokes --max-memory 3X",
+                                "infer -m m.mln -q Smokes --max-seconds=-1",
+                                "infer -m m.mln -q Smokes --max-seconds=nan",
+                                "infer -m m.mln -q Smokes --soft-evidence both",
+                                "infer -m m.mln -q Smokes --chains 0",
+                                "infer -m - -e - -q Smokes",
+                                "infer -m m.mln -q Smokes --json no/such/folder/x.json",
+                                "infer -m m.mln -q Smokes --open-world=Smoke",
+                                "ground -m m.mln --export nonsense",
+                                "ground -m m.mln -o x",
+                                "explain -m m.mln",
+                                "convert -m m.mln --to nonsense",
+                                "ground -m m.mln --export dot --json -"}) {
     const Outcome outcome = run(arguments);
     EXPECT_EQ(outcome.code, 2) << arguments << "\n" << outcome.err;
     EXPECT_THAT(outcome.out, IsEmpty()) << arguments;
@@ -73,7 +85,7 @@ TEST_F(Cli, InferAnswersAsJson) {
   EXPECT_EQ(result["network"]["atoms"], 1);
   ASSERT_EQ(result["marginals"].size(), 1u);
   EXPECT_EQ(result["marginals"][0]["atom"], "Heads(Penny)");
-  EXPECT_NEAR(result["marginals"][0]["probability"], 0.75, 1e-12);       // odds e^log(3) = 3 to 1
+  EXPECT_NEAR(result["marginals"][0]["probability"], 0.75, 1e-12);         // odds e^log(3) = 3 to 1
   EXPECT_NEAR(result["log_partition"].get<double>(), std::log(4), 1e-12);  // e^log(3) + 1
   EXPECT_FALSE(result["marginals"][0].contains("mcse"));
   for (const char* part : {"parse", "ground", "infer", "total"}) EXPECT_TRUE(result["seconds"].contains(part));
@@ -112,7 +124,8 @@ TEST_F(Cli, MapNamesTheTrueAtoms) {
 
 TEST_F(Cli, QueriesRepeatAndSplitAtCommasOutsideBrackets) {
   EXPECT_EQ(infer("-m m.mln -e e.db -q 'Smokes(Bob),Cancer(Anna)' -q 'Cancer(Bob)'")["marginals"].size(), 3u);
-  EXPECT_EQ(infer("-m m.mln -e e.db -q 'Smokes(Bob) ^ Cancer(Bob), Smokes, Cancer'")["marginals"][0].count("formula"), 1u);
+  EXPECT_EQ(infer("-m m.mln -e e.db -q 'Smokes(Bob) ^ Cancer(Bob), Smokes, Cancer'")["marginals"][0].count("formula"),
+            1u);
 }
 
 TEST_F(Cli, ModelAndEvidenceComeFromStandardInput) {
@@ -169,8 +182,9 @@ TEST_F(Cli, ImpossibleWorldIsExit3AndNamesTheConflict) {
 }
 
 TEST_F(Cli, EvidenceInAConflictIsNamedWithItsLine) {
-  scratch.write("hard.mln", "coin = {Penny}\nHeads(coin)\nFair(coin)\nBent(coin)\n"
-                            "Fair(x) => Heads(x).\nBent(x) => !Heads(x).\n");
+  scratch.write("hard.mln",
+                "coin = {Penny}\nHeads(coin)\nFair(coin)\nBent(coin)\n"
+                "Fair(x) => Heads(x).\nBent(x) => !Heads(x).\n");
   scratch.write("hard.db", "Fair(Penny)\nBent(Penny)\n");
   const Outcome outcome = run("infer -m hard.mln -e hard.db -q Heads");
   EXPECT_EQ(outcome.code, 3);
@@ -180,8 +194,9 @@ TEST_F(Cli, EvidenceInAConflictIsNamedWithItsLine) {
 }
 
 TEST_F(Cli, HugeDomainProductIsRefusedBeforeMemoryRunsOut) {
-  std::string model = "thing = {0, ..., 999}\nP(thing,thing)\nQ(thing,thing)\n"
-                      "1 P(a,b) v P(b,c) v Q(c,d) v Q(d,a)\n";
+  std::string model =
+      "thing = {0, ..., 999}\nP(thing,thing)\nQ(thing,thing)\n"
+      "1 P(a,b) v P(b,c) v Q(c,d) v Q(d,a)\n";
   scratch.write("huge.mln", model);
   const Outcome outcome = run("infer -m huge.mln -q P,Q --max-memory 500M --json out.json");
   EXPECT_EQ(outcome.code, 4) << outcome.err;
@@ -190,17 +205,27 @@ TEST_F(Cli, HugeDomainProductIsRefusedBeforeMemoryRunsOut) {
 }
 
 TEST_F(Cli, TimeLimitHandsOverWhatThereIs) {
-  std::string model = "n = {0, ..., 59}\nOn(n,n)\n";
-  for (int i = 0; i < 3; ++i) model += "0." + std::to_string(i + 3) + " On(a,b) ^ On(b,c) => On(a,c)\n-0.4 On(a,b)\n";
-  scratch.write("slow.mln", model);
-  const Outcome outcome = run("infer -m slow.mln -q On --method mcsat --samples 100000000 --max-seconds 3 --json out.json");
+  const Outcome outcome = run(
+      "infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --max-seconds 1 --json out.json");
   EXPECT_EQ(outcome.code, 4) << outcome.err;
+  const json result = json::parse(scratch.read("out.json"));
+  EXPECT_EQ(result["termination"], "time_limit");
+  EXPECT_EQ(result["marginals"].size(), 3u);
+}
+
+TEST_F(Cli, TimeLimitHoldsBeforeTheFirstDrawAsWell) {
+  scratch.write("wide.mln", "n = {0, ..., 59}\nOn(n,n)\n0.5 On(a,b) ^ On(b,c) => On(a,c)\n");
+  const Outcome outcome = scratch.shell(
+      "timeout 60 \"$S\" infer -m wide.mln -q On --method mcsat --samples 1000000000 --max-seconds 3 --json out.json");
+  EXPECT_EQ(outcome.code, 4) << outcome.err;
+  ASSERT_TRUE(scratch.exists("out.json"));
   EXPECT_EQ(json::parse(scratch.read("out.json"))["termination"], "time_limit");
 }
 
 TEST_F(Cli, InterruptHandsOverWhatThereIs) {
   const Outcome outcome = scratch.shell(
-      "\"$S\" infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --json out.json & p=$!; sleep 2; "
+      "\"$S\" infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --json out.json & p=$!; "
+      "sleep 2; "
       "kill -INT $p; wait $p");
   EXPECT_EQ(outcome.code, 130) << outcome.err;
   const json result = json::parse(scratch.read("out.json"));
@@ -231,8 +256,8 @@ TEST_F(Cli, JsonFileIsThereWholeOrNotAtAll) {
 }
 
 TEST_F(Cli, ReaderThatGoesAwayIsNoFailure) {
-  const Outcome outcome =
-      scratch.shell("{ sleep 0.3; \"$S\" infer -m coin.mln -e coin.db -q Heads --json out.json; echo $? >code; } | true; sleep 1");
+  const Outcome outcome = scratch.shell(
+      "{ sleep 0.3; \"$S\" infer -m coin.mln -e coin.db -q Heads --json out.json; echo $? >code; } | true; sleep 1");
   EXPECT_THAT(outcome.err, IsEmpty());
   EXPECT_EQ(scratch.read("code"), "0\n");
   EXPECT_EQ(json::parse(scratch.read("out.json"))["termination"], "completed");
@@ -240,7 +265,8 @@ TEST_F(Cli, ReaderThatGoesAwayIsNoFailure) {
 
 TEST_F(Cli, ClosedOrFullStandardOutputIsAnError) {
   for (const char* redirect : {">&-", ">/dev/full"}) {
-    const Outcome outcome = scratch.shell(std::string("\"$S\" infer -m coin.mln -e coin.db -q Heads --json out.json ") + redirect);
+    const Outcome outcome =
+        scratch.shell(std::string("\"$S\" infer -m coin.mln -e coin.db -q Heads --json out.json ") + redirect);
     EXPECT_EQ(outcome.code, 1) << redirect;
     EXPECT_THAT(outcome.err, HasSubstr("standard output")) << redirect;
     EXPECT_EQ(json::parse(scratch.read("out.json"))["termination"], "completed") << redirect;
@@ -279,11 +305,13 @@ TEST_F(Cli, GroundReportsSizesAndExports) {
   EXPECT_EQ(result["schema"], "sherlog.ground/1");
   EXPECT_EQ(result["network"]["groundings"], 6.0);  // 2 + 4
   EXPECT_EQ(result["formulas"].size(), 2u);
-  for (const auto& [format, start] : {std::pair{"wcnf", "c "}, {"uai", "MARKOV\n"}, {"graphml", "<?xml"}, {"dot", "graph"}}) {
+  for (const auto& [format, start] :
+       {std::pair{"wcnf", "c "}, {"uai", "MARKOV\n"}, {"graphml", "<?xml"}, {"dot", "graph"}}) {
     const std::string file = std::string("net.") + format;
     EXPECT_EQ(run(std::string("ground -m m.mln -e e.db -q Smokes --export ") + format + " -o " + file).code, 0);
     EXPECT_THAT(scratch.read(file), testing::StartsWith(start)) << format;
-    EXPECT_THAT(run(std::string("ground -m m.mln -e e.db -q Smokes --export ") + format).out, testing::Eq(scratch.read(file)));
+    EXPECT_THAT(run(std::string("ground -m m.mln -e e.db -q Smokes --export ") + format).out,
+                testing::Eq(scratch.read(file)));
   }
 }
 
@@ -343,7 +371,8 @@ const std::string kPlain = "thing = {A, B}\nP(thing)\n1 P(x)\n";
 
 INSTANTIATE_TEST_SUITE_P(
     Of, BadInput,
-    testing::Values(Bad{"OpenBracket", "P(thing)\n1 P(x\n", "", "m.mln:"}, Bad{"LoneOperator", "P(thing)\n1 ^ P(x)\n", "", "m.mln:2:"},
+    testing::Values(Bad{"OpenBracket", "P(thing)\n1 P(x\n", "", "m.mln:"},
+                    Bad{"LoneOperator", "P(thing)\n1 ^ P(x)\n", "", "m.mln:2:"},
                     Bad{"UnclosedQuote", "P(thing)\n1 P(\"A)\n", "", "m.mln:2:"},
                     Bad{"UnclosedComment", "P(thing)\n/* never ends\n", "", "m.mln:2:"},
                     Bad{"StrayCharacter", "P(thing)\n1 P(x) $ P(x)\n", "", "m.mln:2:"},
@@ -357,13 +386,16 @@ INSTANTIATE_TEST_SUITE_P(
                     Bad{"IncludeCycle", "#include \"m.mln\"\nP(thing)\n1 P(x)\n", "", "m.mln:1:"},
                     Bad{"NotUtf8", "P(thing)\n1 P(\xff\xfe)\n", "", "m.mln"},
                     Bad{"Binary", std::string("P(thing)\n1 P(x)\n\0\0\x01", 20), "", "m.mln"},
-                    Bad{"DeepNesting", "P(thing)\n1 " + std::string(100000, '(') + "P(x)" + std::string(100000, ')') + "\n", "", "m.mln:2:"},
+                    Bad{"DeepNesting",
+                        "P(thing)\n1 " + std::string(100000, '(') + "P(x)" + std::string(100000, ')') + "\n", "",
+                        "m.mln:2:"},
                     Bad{"DeepNegation", "P(thing)\n1 " + std::string(100000, '!') + "P(x)\n", "", "m.mln:2:"},
                     Bad{"EvidenceUnknownPredicate", kPlain, "Q(A)\n", "e.db:1:"},
                     Bad{"EvidenceArity", kPlain, "P(A,B)\n", "e.db:1:"},
                     Bad{"EvidenceContradiction", kPlain, "P(A)\n!P(A)\n", "e.db:1:"},
                     Bad{"EvidenceSyntax", kPlain, "P(A\n", "e.db:1:"},
-                    Bad{"DegreeAboveOne", kPlain, "1.5 P(A)\n", "e.db:1:"}, Bad{"DegreeBelowZero", kPlain, "-0.5 P(A)\n", "e.db:1:"},
+                    Bad{"DegreeAboveOne", kPlain, "1.5 P(A)\n", "e.db:1:"},
+                    Bad{"DegreeBelowZero", kPlain, "-0.5 P(A)\n", "e.db:1:"},
                     Bad{"TwoValuesInABlock", kBlock, "P(A,U)\nP(A,V)\n", "e.db:"},
                     Bad{"AllValuesDenied", kBlock, "!P(A,U)\n!P(A,V)\n", "e.db:"}),
     [](const auto& tested) { return std::string(tested.param.name); });
@@ -389,8 +421,11 @@ TEST_F(Cli, UnknownPredicatesInEvidenceCanBeIgnored) {
 
 TEST_F(Cli, WindowsTextIsReadLikeAnyOther) {
   scratch.write("crlf.mln", "\xef\xbb\xbfHeads(coin)\r\nlog(3) Heads(x)\r\n");
-  scratch.write("crlf.db", "\xef\xbb\xbf" "coin = {Penny}\r\n");
-  EXPECT_EQ(infer("-m crlf.mln -e crlf.db -q Heads")["marginals"], infer("-m coin.mln -e coin.db -q Heads")["marginals"]);
+  scratch.write("crlf.db",
+                "\xef\xbb\xbf"
+                "coin = {Penny}\r\n");
+  EXPECT_EQ(infer("-m crlf.mln -e crlf.db -q Heads")["marginals"],
+            infer("-m coin.mln -e coin.db -q Heads")["marginals"]);
 }
 
 TEST_F(Cli, VeryLongNamesAreNames) {

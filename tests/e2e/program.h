@@ -1,15 +1,15 @@
 // Runs the built program in a folder of its own, as a shell would.
 #pragma once
 
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <string>
 #include <string_view>
-
-#include <sys/wait.h>
-#include <unistd.h>
 
 namespace sherlog::e2e {
 
@@ -51,8 +51,8 @@ class Scratch {
   // `$S` in the command is the program. Standard output and error are caught unless the command redirects them.
   Outcome shell(const std::string& command) const {
     const std::filesystem::path out = folder_.string() + ".out", err = folder_.string() + ".err";
-    const std::string line = "cd '" + folder_.string() + "' && S='" SHERLOG_BINARY "' && exec </dev/null >'" + out.string() + "' 2>'" +
-                             err.string() + "'; " + command;
+    const std::string line = "cd '" + folder_.string() + "' && S='" SHERLOG_BINARY "' && exec </dev/null >'" +
+                             out.string() + "' 2>'" + err.string() + "'; " + command;
     const int status = std::system(("sh -c '" + escaped(line) + "'").c_str());
     Outcome outcome{WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read_all(out), read_all(err)};
     std::filesystem::remove(out);

@@ -78,12 +78,15 @@ class Mutator {
   }
 
  private:
-  std::size_t below(std::size_t n) { return n == 0 ? 0 : std::uniform_int_distribution<std::size_t>(0, n - 1)(random_); }
+  std::size_t below(std::size_t n) {
+    return n == 0 ? 0 : std::uniform_int_distribution<std::size_t>(0, n - 1)(random_);
+  }
 
   void mutate(std::string& text) {
-    static const char* const kTokens[] = {"(",  ")",  "!",   "^",    "v",   "=>",    "<=>", ":-", "EXIST x (", "+x", "?x",
-                                          "\"", ".",  "...", "{",    "}",   "=",     "!=",  "<",  "#unique{",  "*",  "//",
-                                          "/*", "*/", "\n",  "---\n", "0.7 ", "1e308 ", "∃",   "¬",  "log(",      ",",  "\x1f"};
+    static const char* const kTokens[] = {
+        "(",  ")",  "!",   "^",     "v",    "=>",     "<=>", ":-", "EXIST x (", "+x", "?x",
+        "\"", ".",  "...", "{",     "}",    "=",      "!=",  "<",  "#unique{",  "*",  "//",
+        "/*", "*/", "\n",  "---\n", "0.7 ", "1e308 ", "∃",   "¬",  "log(",      ",",  "\x1f"};
     const std::size_t at = below(text.size() + 1);
     switch (below(6)) {
       case 0:  // a token of the language

@@ -16,9 +16,8 @@ namespace {
 double logit(double p) { return std::log(p / (1 - p)); }
 
 const Contribution* find(const Explanation& explanation, bool is_constraint, std::uint32_t index) {
-  const auto found = std::find_if(explanation.contributions.begin(), explanation.contributions.end(), [&](const auto& c) {
-    return c.is_constraint == is_constraint && c.index == index;
-  });
+  const auto found = std::find_if(explanation.contributions.begin(), explanation.contributions.end(),
+                                  [&](const auto& c) { return c.is_constraint == is_constraint && c.index == index; });
   return found == explanation.contributions.end() ? nullptr : &*found;
 }
 
@@ -115,7 +114,8 @@ TEST(Explain, FeaturesThatAreTooWideTogetherAreAskedForInParts) {
     for (std::size_t a = 0; a < 4; ++a) {
       for (std::size_t b = a + 1; b < 4; ++b) {
         for (std::uint32_t value = 0; value < 16; ++value) {
-          std::vector<Literal> both{Literal::atom(AtomId(first[a].value + value)), Literal::atom(AtomId(first[b].value + 15 - value))};
+          std::vector<Literal> both{Literal::atom(AtomId(first[a].value + value)),
+                                    Literal::atom(AtomId(first[b].value + 15 - value))};
           const Literal pair = builder.make_and(both);
           const double w = weight(random);
           builder.add_feature(pair, w, builder.add_weight({FormulaId(0), {}, w}));

@@ -76,6 +76,50 @@ TEST(IntegerProgram, MergesEqualWeightsOverABlock) {
   EXPECT_NEAR(oracle::score(network, program.values()).value(), 10.9, 1e-9);
 }
 
+TEST(IntegerProgram, CountsTheMembersOfASoftGroup) {
+  // Any two of six atoms cost 1, an atom is worth 2.5: k atoms are worth 2.5 k - k (k - 1) / 2, most at k = 3 (4.5). Pair by
+  // pair the relaxation would say 6 x 0.5 x 2.5.
+  NetworkBuilder builder;
+  const WeightId weight = builder.add_weight({FormulaId(0), {}, 1.0});
+  for (std::uint32_t a = 0; a < 6; ++a) {
+    builder.add_boolean();
+    builder.add_feature(Literal::atom(AtomId(a)), 2.5, weight);
+    for (std::uint32_t b = 0; b < a; ++b) {
+      std::vector<Literal> inputs{Literal::atom(AtomId(a), true), Literal::atom(AtomId(b), true)};
+      builder.add_feature(builder.make_or(inputs), 1.0, weight);
+    }
+  }
+  const GroundNetwork network = builder.build();
+  IntegerProgram program(network);
+  EXPECT_EQ(program.rows(), 1u);
+  Monitor monitor;
+  EXPECT_EQ(program.relax(kEnough, StopCondition(monitor)), IntegerProgramStatus::kOptimal);
+  EXPECT_NEAR(oracle::score(network, program.values()).value(), 15.0 + 4.5, 1e-9);
+}
+
+TEST(IntegerProgram, SpentEffortLeavesABoundAndNoProof) {
+  std::mt19937_64 random(23);
+  oracle::RandomNetworkOptions shape;
+  shape.variables = 14;
+  shape.features = 60;
+  shape.constraints = 0;
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  int spent = 0;
+  for (int i = 0; i < 10; ++i) {
+    const GroundNetwork network = oracle::random_network(random, shape);
+    IntegerProgram program(network);
+    EXPECT_EQ(program.relax({1, 0}, stop), IntegerProgramStatus::kOpen);
+    EXPECT_FALSE(program.is_relaxed());
+    if (program.relax(kEnough, stop) != IntegerProgramStatus::kOpen) continue;
+    const double bound = program.bound();
+    if (program.branch_and_cut({}, {1, 1}, stop) != IntegerProgramStatus::kOpen) continue;
+    ++spent;
+    EXPECT_EQ(program.bound(), bound);
+  }
+  EXPECT_GT(spent, 0);
+}
+
 TEST(IntegerProgram, StatesAPermutationInOneRowForEachRowAndColumn) {
   // All pairs of a row or column exclude each other: 2 x 5 x 10 clauses become 2 x 5 rows, and the relaxation is whole.
   constexpr std::uint32_t n = 5;

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -182,7 +183,7 @@ TEST(Map, KeepsToItsTimeLimitAndHandsOverABoundedWorld) {
 
 TEST(Map, GivesTheSameWorldForAnyNumberOfThreads) {
   std::mt19937_64 random(3);
-  const GroundNetwork network = random_clauses(400, 2000, random);
+  const GroundNetwork network = random_clauses(60, 250, random);
   InferenceOptions options;
   options.flips = 20000;
   options.threads = 1;

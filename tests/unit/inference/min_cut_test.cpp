@@ -73,7 +73,7 @@ TEST(MinCut, RoofDualityKeepsABestWorldAndBoundsIt) {
   std::mt19937_64 random(12);
   int decided = 0, left = 0;
   for (int i = 0; i < 80; ++i) {
-    const GroundNetwork network = pairs(random, 8, 8 + static_cast<std::uint32_t>(random() % 8), false);
+    const GroundNetwork network = pairs(random, 8, 14 + static_cast<std::uint32_t>(random() % 14), false);
     const auto truth = oracle::enumerate(network);
     const MinCutResult result = cut(network);
     ASSERT_TRUE(result.status == MinCutStatus::kOptimal || result.status == MinCutStatus::kPartial);

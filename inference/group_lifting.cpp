@@ -1,0 +1,153 @@
+#include "inference/group_lifting.h"
+
+#include <algorithm>
+#include <bit>
+#include <map>
+#include <numeric>
+#include <tuple>
+#include <unordered_map>
+
+#include "inference/at_most_one.h"
+
+namespace sherlog {
+namespace {
+
+// Constraint cliques too small to be worth it, and how many weighted clauses there must be.
+constexpr std::size_t kFewestClauses = 4;
+
+class Lifting {
+ public:
+  explicit Lifting(const GroundNetwork& network) : network_(network), weight_(network.gate_count(), 0.0) {
+    for (const Feature& f : network.features()) {
+      if (f.literal.is_gate()) weight_[f.literal.gate().index()] += f.weight;
+    }
+  }
+
+  std::optional<GroundNetwork> run() {
+    if (!worth_looking()) return std::nullopt;
+    find_groups();
+    collect();
+    choose();
+    if (lifted_.empty()) return std::nullopt;
+    return rebuild();
+  }
+
+ private:
+  struct Clause {
+    std::uint32_t gate;
+    Literal member;  // x of A v !x
+  };
+  using Key = std::tuple<std::uint32_t, std::uint64_t, std::uint32_t>;  // A, bits of the weight, group
+  struct Lifted {
+    Literal rest;  // A
+    double weight;
+    std::vector<Literal> members;
+  };
+
+  bool pair_clause(std::uint32_t gate) const {
+    return weight_[gate] != 0.0 && network_.gate_kind(GateId(gate)) == GateKind::kOr && network_.gate_inputs(GateId(gate)).size() == 2;
+  }
+
+  bool worth_looking() const {
+    if (network_.constraints().size() < 3) return false;
+    std::size_t clauses = 0;
+    for (std::uint32_t g = 0; g < network_.gate_count() && clauses < kFewestClauses; ++g) clauses += pair_clause(g) ? 1u : 0u;
+    return clauses >= kFewestClauses;
+  }
+
+  void find_groups() {
+    std::vector<std::uint32_t> all(network_.constraints().size());
+    std::iota(all.begin(), all.end(), 0u);
+    const AtMostOne found = find_at_most_one(network_, all);
+    for (std::uint32_t group = 0; group < found.groups.size(); ++group) {
+      for (const VariableValue& v : found.groups[group]) {
+        const AtomId first = network_.first_atom(v.variable);
+        const Literal literal = v.value < network_.candidate_count(v.variable) ? Literal::atom(AtomId(first.value + v.value))
+                                                                               : Literal::atom(first, true);
+        groups_of_[literal.code()].push_back(group);
+      }
+    }
+  }
+
+  void collect() {
+    for (std::uint32_t g = 0; g < network_.gate_count(); ++g) {
+      if (!pair_clause(g)) continue;
+      const auto inputs = network_.gate_inputs(GateId(g));
+      for (std::size_t i = 0; i < 2; ++i) {
+        const auto found = groups_of_.find((~inputs[i]).code());
+        if (found == groups_of_.end()) continue;
+        for (std::uint32_t group : found->second) {
+          buckets_[{inputs[1 - i].code(), std::bit_cast<std::uint64_t>(weight_[g]), group}].push_back({g, ~inputs[i]});
+        }
+      }
+    }
+  }
+
+  // Largest first; every clause goes into one.
+  void choose() {
+    std::vector<const std::pair<const Key, std::vector<Clause>>*> order;
+    for (const auto& bucket : buckets_) order.push_back(&bucket);
+    std::ranges::stable_sort(order, [](const auto* a, const auto* b) { return a->second.size() > b->second.size(); });
+    std::vector<bool> used(network_.gate_count(), false);
+    for (const auto* bucket : order) {
+      std::vector<Clause> clauses;
+      for (const Clause& c : bucket->second) {
+        if (!used[c.gate]) clauses.push_back(c);
+      }
+      if (clauses.size() < 2) continue;
+      Lifted lifted{Literal::from_code(std::get<0>(bucket->first)), std::bit_cast<double>(std::get<1>(bucket->first)), {}};
+      for (const Clause& c : clauses) {
+        used[c.gate] = true;
+        weight_[c.gate] = 0.0;
+        lifted.members.push_back(c.member);
+      }
+      lifted_.push_back(std::move(lifted));
+    }
+  }
+
+  GroundNetwork rebuild() {
+    NetworkBuilder builder(network_);
+    const std::vector<Feature> features = builder.take_features();
+    std::vector<bool> keep(network_.gate_count(), true);
+    for (const auto& [key, clauses] : buckets_) {
+      for (const Clause& c : clauses) keep[c.gate] = weight_[c.gate] != 0.0;
+    }
+    const WeightId weight_id = features.front().weight_id;
+    for (Lifted& l : lifted_) {
+      std::vector<Literal> inputs = l.members;
+      const Literal any = builder.make_or(inputs);
+      builder.add_constant_score(l.weight * static_cast<double>(l.members.size() - 1));
+      inputs = l.members;
+      inputs.push_back(~l.rest);
+      const Literal converse = builder.make_or(inputs);
+      const bool equivalence = converse.is_gate() && !converse.negated() && converse.gate().index() < weight_.size() &&
+                               weight_[converse.gate().index()] == l.weight;
+      if (equivalence) {
+        weight_[converse.gate().index()] = 0.0;
+        keep[converse.gate().index()] = false;
+        builder.add_constant_score(l.weight);
+        builder.add_feature(builder.make_iff(l.rest, any), l.weight, weight_id);
+      } else {
+        inputs = {l.rest, ~any};
+        builder.add_feature(builder.make_or(inputs), l.weight, weight_id);
+      }
+    }
+    for (const Feature& f : features) {
+      if (f.literal.is_gate() && !keep[f.literal.gate().index()]) continue;
+      builder.add_feature(f.literal, f.weight, f.weight_id);
+    }
+    return builder.build();
+  }
+
+  const GroundNetwork& network_;
+  std::vector<double> weight_;  // by gate; 0 once lifted
+  std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_of_;  // by literal code
+  std::map<Key, std::vector<Clause>> buckets_;
+  std::vector<Lifted> lifted_;
+};
+
+}  // namespace
+
+std::optional<GroundNetwork> lift_over_groups(const GroundNetwork& network) { return Lifting(network).run(); }
+
+}  // namespace sherlog
