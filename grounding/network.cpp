@@ -466,12 +466,4 @@ GroundNetwork NetworkBuilder::build() {
   return std::move(network_);
 }
 
-GroundNetwork fold_at_most_one(const GroundNetwork& network, std::span<const std::vector<Literal>> groups,
-                               std::span<const std::uint32_t> covered) {
-  NetworkBuilder builder(network);
-  builder.remove_constraints(covered);
-  for (const auto& group : groups) builder.add_constraint(builder.make_at_most_one(group), FormulaId(0));
-  return builder.build();
-}
-
 }  // namespace sherlog

@@ -53,7 +53,7 @@ enum class GateKind : std::uint8_t {
   kOr,   // two or more inputs, sorted, of distinct nodes
   kIff,  // two inputs, both unnegated, of distinct nodes
   // At most one of two or more inputs is true. The grounder makes none: methods fold pairwise constraints into these, see
-  // fold_at_most_one().
+  // inference/at_most_one.h.
   kAtMostOne,
 };
 
@@ -201,11 +201,6 @@ class GroundNetwork {
   std::vector<std::uint32_t> component_features_, component_constraints_, component_queries_;
   NameTable names_;
 };
-
-// The same distribution with the constraints at `covered` (indices) replaced by one at-most-one gate for each group of
-// literals. Atoms, variables, features and queries keep their numbers; gates and constraints do not.
-GroundNetwork fold_at_most_one(const GroundNetwork& network, std::span<const std::vector<Literal>> groups,
-                               std::span<const std::uint32_t> covered);
 
 // Makes a GroundNetwork piece by piece. Gates are simplified and shared as they are made.
 class NetworkBuilder {

@@ -188,4 +188,27 @@ AtMostOne find_at_most_one(const GroundNetwork& network, std::span<const std::ui
   return CliqueCover(network, constraints).run();
 }
 
+GroundNetwork fold_at_most_one(const GroundNetwork& network, const AtMostOne& found) {
+  NetworkBuilder builder(network);
+  builder.remove_constraints(found.covered);
+  for (const auto& group : found.groups) {
+    std::vector<Literal> literals;
+    for (const VariableValue& v : group) {
+      const AtomId first = network.first_atom(v.variable);
+      if (v.value < network.candidate_count(v.variable)) {
+        literals.push_back(Literal::atom(AtomId(first.value + v.value)));
+        continue;
+      }
+      // "None of the candidates": a negated atom, or a negated disjunction of a block's atoms.
+      std::vector<Literal> candidates;
+      for (std::uint32_t i = 0; i < network.candidate_count(v.variable); ++i) {
+        candidates.push_back(Literal::atom(AtomId(first.value + i)));
+      }
+      literals.push_back(~builder.make_or(candidates));
+    }
+    builder.add_constraint(builder.make_at_most_one(std::move(literals)), FormulaId(0));
+  }
+  return builder.build();
+}
+
 }  // namespace sherlog

@@ -32,4 +32,8 @@ inline AtMostOne find_at_most_one(const GroundNetwork& network, ComponentId comp
   return find_at_most_one(network, network.component_constraints(component));
 }
 
+// The same distribution with the covered constraints replaced by one at-most-one gate for each group. Atoms, variables, features and
+// queries keep their numbers; gates and constraints do not.
+GroundNetwork fold_at_most_one(const GroundNetwork& network, const AtMostOne& found);
+
 }  // namespace sherlog

@@ -137,8 +137,16 @@ class Grower {
 }  // namespace
 
 BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> variables, std::uint64_t seed,
-                           const BlockCoverOptions& options) {
+                           const StopCondition& stop, const BlockCoverOptions& options) {
   BlockCover cover;
+  double uses = 0.0, atoms = 0.0;
+  for (VariableId v : variables) {
+    for (std::uint32_t i = 0; i < index.network().candidate_count(v); ++i) {
+      uses += static_cast<double>(index.uses(index.network().first_atom(v).value + i).size());
+    }
+    atoms += index.network().candidate_count(v);
+  }
+  if (uses > options.most_uses * atoms) return cover;
   if (auto whole = JointBlock::make(index, variables, options.whole_cost)) {
     cover.blocks.push_back(std::move(*whole));
     cover.whole = true;
@@ -161,6 +169,7 @@ BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> 
   for (std::uint32_t gate : long_gates) {
     std::vector<VariableId> start = grower.variables_of(gate);
     if (start.size() < kLongGate || start.size() > options.block_variables || std::ranges::find(seen, start) != seen.end()) continue;
+    if (stop.reached()) return cover;
     if (auto block = grower.grow(start)) cover.blocks.push_back(std::move(*block));
     seen.push_back(std::move(start));
     if (seen.size() >= 256) break;  // comparing all with all is quadratic
@@ -172,6 +181,7 @@ BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> 
     for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[rng.below(static_cast<std::uint32_t>(i))]);
     std::vector<bool> covered(variables.size(), false);
     for (std::uint32_t v : order) {
+      if (stop.reached()) return cover;
       if (covered[v]) continue;
       covered[v] = true;
       auto block = grower.grow({variables[v]});

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "inference/joint_block.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
@@ -19,6 +20,8 @@ struct BlockCoverOptions {
   double block_cost = 1 << 13;   // likewise for a part of a component
   std::uint32_t block_variables = 96;
   std::uint32_t covers = 2;
+  // Where an atom is used by more gates than this on average, everything is tied to everything and no set is narrow.
+  double most_uses = 48.0;
 };
 
 struct BlockCover {
@@ -26,7 +29,8 @@ struct BlockCover {
   bool whole = false;  // one block, the whole component
 };
 
+// Ends early, with fewer blocks, where `stop` says so.
 BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> variables, std::uint64_t seed,
-                           const BlockCoverOptions& options = {});
+                           const StopCondition& stop, const BlockCoverOptions& options = {});
 
 }  // namespace sherlog

@@ -62,8 +62,9 @@ class Lifting {
     for (std::uint32_t group = 0; group < found.groups.size(); ++group) {
       for (const VariableValue& v : found.groups[group]) {
         const AtomId first = network_.first_atom(v.variable);
-        const Literal literal = v.value < network_.candidate_count(v.variable) ? Literal::atom(AtomId(first.value + v.value))
-                                                                               : Literal::atom(first, true);
+        const std::uint32_t candidates = network_.candidate_count(v.variable);
+        if (v.value == candidates && candidates > 1) continue;  // "none" of a block is no literal
+        const Literal literal = v.value < candidates ? Literal::atom(AtomId(first.value + v.value)) : Literal::atom(first, true);
         groups_of_[literal.code()].push_back(group);
       }
     }

@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t kInlineEntries = 64;
 constexpr std::size_t kLargestTable = 8192;
 constexpr double kTableOverhead = 40.0;  // what handling one table costs, in entries
-constexpr std::uint64_t kOrderSteps = 20000;  // for each variable: an order that takes longer to find is of no use
+constexpr std::uint64_t kOrderSteps = 5000;  // for each variable: an order that takes longer to find is of no use
 
 }  // namespace
 

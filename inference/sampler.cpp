@@ -46,23 +46,14 @@ struct Plan {
 
 // Rewrites cliques of pairwise exclusions. Component numbers may change, variables do not.
 GroundNetwork fold(const GroundNetwork& network, std::span<const ComponentId> components) {
-  std::vector<std::vector<Literal>> groups;
-  std::vector<std::uint32_t> covered;
+  AtMostOne all;
   for (ComponentId c : components) {
     if (network.component_constraints(c).size() < 3) continue;
-    const AtMostOne found = find_at_most_one(network, c);
-    for (const auto& group : found.groups) {
-      std::vector<Literal> literals;
-      for (const VariableValue& v : group) {
-        const AtomId first = network.first_atom(v.variable);
-        literals.push_back(v.value < network.candidate_count(v.variable) ? Literal::atom(AtomId(first.value + v.value))
-                                                                          : Literal::atom(first, true));
-      }
-      groups.push_back(std::move(literals));
-    }
-    covered.insert(covered.end(), found.covered.begin(), found.covered.end());
+    AtMostOne found = find_at_most_one(network, c);
+    std::ranges::move(found.groups, std::back_inserter(all.groups));
+    all.covered.insert(all.covered.end(), found.covered.begin(), found.covered.end());
   }
-  return groups.empty() ? network : fold_at_most_one(network, groups, covered);
+  return all.groups.empty() ? network : fold_at_most_one(network, all);
 }
 
 void sort_unique(std::vector<ComponentId>& components) {
@@ -99,7 +90,7 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
     plan.defined.collapse(*plan.index, all);
     std::ranges::copy_if(all, std::back_inserter(part.variables), [&](VariableId v) { return !plan.defined.contains(v); });
     const auto& variables = part.variables;
-    part.cover = cover_component(*plan.index, variables, context.options.seed);
+    part.cover = cover_component(*plan.index, variables, context.options.seed, context.stop);
     part.jump = kernel == Kernel::kMcSat && !part.cover.whole && !n.component_constraints(c).empty() &&
                 !single_moves_reach_every_world(n, c);
     plan.variables.insert(plan.variables.end(), variables.begin(), variables.end());

@@ -340,11 +340,14 @@ std::optional<FormulaParser::Operand> FormulaParser::parse_quantified() {
   std::optional<Operand> body = delimited ? parse_unary() : parse_operators();
   if (!body) return std::nullopt;
   --depth_;
-  const Kind body_kind = body->formula.kind;
-  if (!delimited && body_kind != Kind::kAtom && body_kind != Kind::kNot && !is_comparison(body_kind)) body->formula.bracketed = true;
+  const bool connective = body->formula.kind >= Kind::kAnd && body->formula.kind <= Kind::kIff;
+  if (!delimited && connective) {
+    diagnostics_.warning("quantifier-scope", result.formula.place,
+                         "without brackets a quantifier reaches to the end of the formula; put what it is about in brackets");
+  }
+  body->formula.bracketed = false;  // the brackets are the quantifier's own: the printer always writes them
   result.height = body->height + 1;
   if (!check_height(result.height, result.formula.place)) return std::nullopt;
-  if (is_comparison(body->formula.kind)) body->formula.bracketed = true;
   result.formula.children.push_back(std::move(body->formula));
   return result;
 }

@@ -95,7 +95,8 @@ class FormulaPrinter {
         return level < 6 || is_comparison(child.kind) || (is_quantifier(child.kind) && dialect_ != Dialect::kSherlog);
       case Kind::kExists:
       case Kind::kForall:
-        return level < 6 || is_comparison(child.kind) || dialect_ != Dialect::kSherlog;
+        // A body without brackets would reach to the end of the formula.
+        return !is_quantifier(child.kind) || dialect_ != Dialect::kSherlog;
       case Kind::kAnd:
         return level < 6;
       case Kind::kOr:
@@ -117,7 +118,7 @@ class FormulaPrinter {
     text_ += formula.kind == Kind::kExists ? "EXIST " : "FORALL ";
     write_terms(formula.terms, ", ");
     text_ += ' ';
-    for (const Formula& child : formula.children) write_child(formula, child, false);
+    for (const Formula& child : formula.children) write(child, needs_brackets(formula, child, false));
   }
 
   void write_comparison(const Formula& formula) {

@@ -141,11 +141,13 @@ TEST(BlockCover, CoversEveryVariableOfAWideComponent) {
   }
   const GroundNetwork network = builder.build();
   const WorldIndex index(network);
-  const BlockCover cover = cover_component(index, network.component_variables(ComponentId(0)), 1);
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  const BlockCover cover = cover_component(index, network.component_variables(ComponentId(0)), 1, stop);
   EXPECT_FALSE(cover.whole);
   std::vector<int> covered(side * side, 0);
   for (const JointBlock& block : cover.blocks) {
-    EXPECT_LE(block.cost(), 2 * 4096.0);
+    EXPECT_GT(block.variables().size(), 1u);
     for (VariableId v : block.variables()) ++covered[v.index()];
   }
   const auto uncovered = std::count(covered.begin(), covered.end(), 0);

@@ -105,14 +105,26 @@ TEST(FoldAtMostOne, KeepsTheDistribution) {
   for (std::uint32_t c = 0; c < all.size(); ++c) all[c] = c;
   const AtMostOne found = find_at_most_one(network, all);
   EXPECT_EQ(found.groups.size(), 6u);
-  std::vector<std::vector<Literal>> groups;
-  for (const auto& group : found.groups) {
-    groups.emplace_back();
-    for (const VariableValue& v : group) groups.back().push_back(Literal::atom(network.first_atom(v.variable), v.value != 0));
-  }
-  const GroundNetwork folded = fold_at_most_one(network, groups, found.covered);
+  const GroundNetwork folded = fold_at_most_one(network, found);
   EXPECT_EQ(folded.constraints().size(), 6u);
   expect_same_marginals(network, folded);
+}
+
+// Blocks with "none" among them: excluded by "x or not a" where all other values of x's block exclude a.
+TEST(FoldAtMostOne, KeepsTheDistributionOfRandomNetworksWithBlocks) {
+  std::mt19937_64 random(55);
+  int folded_count = 0;
+  for (int round = 0; round < 400; ++round) {
+    const GroundNetwork network = oracle::random_network(
+        random, {.variables = 5, .features = 6, .constraints = 6, .block_share = 0.7, .max_inputs = 2});
+    std::vector<std::uint32_t> all(network.constraints().size());
+    for (std::uint32_t c = 0; c < all.size(); ++c) all[c] = c;
+    const AtMostOne found = find_at_most_one(network, all);
+    if (found.groups.empty()) continue;
+    ++folded_count;
+    expect_same_marginals(network, fold_at_most_one(network, found));
+  }
+  EXPECT_GT(folded_count, 20);
 }
 
 TEST(RecognisedBlocks, AnExactlyOneGroupBecomesOneVariable) {

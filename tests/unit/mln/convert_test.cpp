@@ -81,7 +81,7 @@ TEST(Convert, WritesOutWhatADialectLacks) {
   EXPECT_EQ(converted("t = {0, ..., 2}", Dialect::kAlchemy).text, "t = {0, ..., 2}\n");
   EXPECT_EQ(formula("log(0.5) S(x)", Dialect::kPracmln), "log(0.5) S(?x)\n");
   EXPECT_EQ(formula("(1+2) S(x)", Dialect::kAlchemy), "3 S(x)\n");
-  EXPECT_EQ(formula("1 FORALL y (F(x, y))", Dialect::kPracmln), "1 !(EXIST ?y (!(F(?x, ?y))))\n");
+  EXPECT_EQ(formula("1 FORALL y (F(x, y))", Dialect::kPracmln), "1 !(EXIST ?y (!F(?x, ?y)))\n");
   EXPECT_EQ(formula("#unique{+a,+b}\n1 S(+a) ^ S(+b)", Dialect::kAlchemy), "// #unique{+a,+b}\n// 1 S(+a) ^ S(+b)\n");
 }
 

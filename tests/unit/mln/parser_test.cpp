@@ -162,8 +162,8 @@ TEST(Precedence, IsNotAndOrImpliesIffRule) {
   EXPECT_EQ(shape_of("A() :- B() ^ C()"), "implies[and[B() C()] A()]");
   EXPECT_EQ(shape_of("A() ^ B() ^ C()"), "and[A() B() C()]");
   EXPECT_EQ(shape_of("A() ^ (B() ^ C())"), "and[A() and[B() C()]]");
-  EXPECT_EQ(shape_of("EXIST x P(x) v Q(x)"), "or[some[P(x)] Q(x)]");
-  EXPECT_EQ(shape_of("\u2203 x \u00ACP(x) \u2192 \u2200 ?y (Q(?y))"), "implies[some[not[P(x)]] all[(Q(?y))]]");
+  EXPECT_EQ(shape_of("EXIST x P(x) v Q(x)"), "some[or[P(x) Q(x)]]");
+  EXPECT_EQ(shape_of("\u2203 x \u00ACP(x) \u2192 \u2200 ?y (Q(?y))"), "some[implies[not[P(x)] all[Q(?y)]]]");
   EXPECT_EQ(shape_of("exists x, y (P(x) & Q(y) | R())"), "some[or[and[P(x) Q(y)] R()]]");
   EXPECT_EQ(shape_of("P(v) v(Q(v))"), "or[P(v) (Q(v))]");
 }
