@@ -30,6 +30,7 @@ void DefinedAtoms::collapse(WorldIndex& index, std::span<const VariableId> varia
     consumed[gate] = true;
     index.release(node);
   }
+  index.sort_uses();
 }
 
 void DefinedAtoms::draw(World& world, Rng& rng) const {

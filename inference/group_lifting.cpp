@@ -106,7 +106,30 @@ class Lifting {
     }
   }
 
+  // Every longer weighted disjunction by what it is about, whatever its brackets.
+  void index_disjunctions() {
+    for (std::uint32_t g = 0; g < network_.gate_count(); ++g) {
+      if (weight_[g] == 0.0 || network_.gate_kind(GateId(g)) != GateKind::kOr) continue;
+      std::vector<Literal> literals;
+      flatten(g, literals);
+      std::ranges::sort(literals);
+      literals.erase(std::unique(literals.begin(), literals.end()), literals.end());
+      if (literals.size() > 2) disjunctions_.emplace(std::move(literals), g);
+    }
+  }
+
+  void flatten(std::uint32_t gate, std::vector<Literal>& out) const {
+    for (Literal input : network_.gate_inputs(GateId(gate))) {
+      if (input.is_gate() && !input.negated() && network_.gate_kind(input.gate()) == GateKind::kOr) {
+        flatten(input.gate().value, out);
+      } else {
+        out.push_back(input);
+      }
+    }
+  }
+
   GroundNetwork rebuild() {
+    index_disjunctions();
     NetworkBuilder builder(network_);
     const std::vector<Feature> features = builder.take_features();
     std::vector<bool> keep(network_.gate_count(), true);
@@ -120,12 +143,11 @@ class Lifting {
       builder.add_constant_score(l.weight * static_cast<double>(l.members.size() - 1));
       inputs = l.members;
       inputs.push_back(~l.rest);
-      const Literal converse = builder.make_or(inputs);
-      const bool equivalence = converse.is_gate() && !converse.negated() && converse.gate().index() < weight_.size() &&
-                               weight_[converse.gate().index()] == l.weight;
-      if (equivalence) {
-        weight_[converse.gate().index()] = 0.0;
-        keep[converse.gate().index()] = false;
+      std::ranges::sort(inputs);
+      const auto converse = disjunctions_.find(inputs);
+      if (converse != disjunctions_.end() && weight_[converse->second] == l.weight) {
+        weight_[converse->second] = 0.0;
+        keep[converse->second] = false;
         builder.add_constant_score(l.weight);
         builder.add_feature(builder.make_iff(l.rest, any), l.weight, weight_id);
       } else {
@@ -145,6 +167,7 @@ class Lifting {
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_of_;  // by literal code
   std::map<Key, std::vector<Clause>> buckets_;
   std::vector<Lifted> lifted_;
+  std::map<std::vector<Literal>, std::uint32_t> disjunctions_;  // sorted literals to gate
 };
 
 }  // namespace

@@ -34,11 +34,7 @@ WorldIndex::WorldIndex(const GroundNetwork& network, std::span<const double> ato
     const std::int8_t wanted = c.literal.negated() ? std::int8_t{-1} : std::int8_t{1};
     demand = demand == 0 || demand == wanted ? wanted : kImpossibleDemand;
   }
-  // Uses by gates that must not change come first, so that a forbidden flip is seen at once.
-  for (std::size_t i = 0; i < nodes; ++i) {
-    const auto begin = uses_.begin() + use_start_[i], end = uses_.begin() + use_start_[i + 1];
-    std::stable_partition(begin, end, [&](const Use& use) { return demand_[gate_node(use.gate)] != 0; });
-  }
+  sort_uses();
   climbs_as_tree_.resize(atom_count_);
   std::vector<std::uint32_t> seen_by(network.gate_count(), 0xffffffffu);
   std::vector<std::uint32_t> stack;
@@ -55,6 +51,19 @@ WorldIndex::WorldIndex(const GroundNetwork& network, std::span<const double> ato
       }
     }
     climbs_as_tree_[a] = tree;
+  }
+}
+
+void WorldIndex::sort_uses() {
+  telling_.assign(weight_.size(), 0);
+  std::vector<bool> tells(weight_.size(), false);
+  // Gates are used by later gates only, so from the last node on every use is already judged.
+  for (std::size_t node = weight_.size(); node-- > 0;) {
+    const auto begin = uses_.begin() + use_start_[node], end = uses_.begin() + use_start_[node + 1];
+    const auto useful = std::stable_partition(begin, end, [&](const Use& use) { return tells[gate_node(use.gate)]; });
+    std::stable_partition(begin, useful, [&](const Use& use) { return demand_[gate_node(use.gate)] != 0; });
+    telling_[node] = static_cast<std::uint32_t>(useful - begin);
+    tells[node] = weight_[node] != 0.0 || demand_[node] != 0 || useful != begin;
   }
 }
 
@@ -144,7 +153,7 @@ double World::set(VariableId v, std::uint32_t value) {
 double World::peek_climb(std::uint32_t node, bool becomes) const {
   const GroundNetwork& network = index_->network();
   double change = becomes ? index_->weight(node) : -index_->weight(node);
-  for (const WorldIndex::Use& use : index_->uses(node)) {
+  for (const WorldIndex::Use& use : index_->telling_uses(node)) {
     const std::uint32_t count = becomes != use.negated ? count_[use.gate] + 1 : count_[use.gate] - 1;
     const std::uint32_t gate = index_->gate_node(use.gate);
     const bool truth = gate_truth(network.gate_kind(GateId(use.gate)), count);

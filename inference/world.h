@@ -37,13 +37,17 @@ class WorldIndex {
   std::span<const Use> uses(std::uint32_t node) const {
     return {uses_.data() + use_start_[node], use_start_[node + 1] - use_start_[node]};
   }
+  // Those of them that lead to a weight or a demand, gates with a demand of their own first: all that a change can affect.
+  std::span<const Use> telling_uses(std::uint32_t node) const { return {uses_.data() + use_start_[node], telling_[node]}; }
   // Sum of the weights of the features on this node; added where it is true.
   double weight(std::uint32_t node) const { return weight_[node]; }
   // Takes the node's weight and demand away, for a sampler that accounts for them itself.
+  // Call sort_uses() after the last.
   void release(std::uint32_t node) {
     weight_[node] = 0.0;
     demand_[node] = 0;
   }
+  void sort_uses();
   // Whether no gate is reached by two paths from this atom, so that one flip's effect can be summed without making it.
   bool climbs_as_tree(std::uint32_t atom) const { return climbs_as_tree_[atom]; }
   // +1: constraint demands true, -1: demands false, 0: free, kImpossibleDemand: both are demanded.
@@ -55,6 +59,7 @@ class WorldIndex {
   std::uint32_t atom_count_;
   std::vector<std::uint32_t> use_start_;
   std::vector<Use> uses_;
+  std::vector<std::uint32_t> telling_;  // how many of a node's uses are telling; they come first
   std::vector<double> weight_;
   std::vector<std::int8_t> demand_;
   std::vector<bool> climbs_as_tree_;
