@@ -195,7 +195,8 @@ InferenceResult infer(const GroundNetwork& original, const InferenceOptions& opt
     result.log_partition = *run.log_partition + network.constant_score() + network.free_log_count();
   }
   if (wants_map) {
-    if (!run.values.empty()) {
+    // Where evidence decides everything, the one world has no variables left.
+    if (!run.values.empty() || (network.variable_count() == 0 && run.termination == Termination::kCompleted)) {
       MapSolution solution;
       solution.values = std::move(run.values);
       solution.log_score = run.map_score + network.constant_score();
