@@ -90,7 +90,7 @@ std::string marginal_table(const GroundNetwork& network, const InferenceResult& 
     for (std::size_t q : group) {
       const Marginal& marginal = result.marginals[q];
       std::vector<std::string> row{query_text(network, network.queries()[q]),
-                                   fmt::format("{:.6f}", marginal.probability)};
+                                   std::isnan(marginal.probability) ? "-" : fmt::format("{:.6f}", marginal.probability)};
       const auto cell = [&](bool column, const std::optional<double>& value, const char* format) {
         if (column) row.push_back(value ? fmt::format(fmt::runtime(format), *value) : "");
       };
@@ -138,6 +138,7 @@ Json marginals_json(const GroundNetwork& network, const InferenceResult& result)
   for (std::size_t q = 0; q < result.marginals.size(); ++q) {
     const QueryTarget& query = network.queries()[q];
     const Marginal& marginal = result.marginals[q];
+    if (std::isnan(marginal.probability)) continue;  // not answered
     Json entry;
     entry[query.is_formula ? "formula" : "atom"] = query_text(network, query);
     put(entry, "probability", marginal.probability);
@@ -240,8 +241,8 @@ std::vector<ConflictItem> conflict_items(const Model& model, const Evidence& evi
 
 std::string conflict_text(const std::vector<ConflictItem>& conflict, const std::string& sentence) {
   std::string text =
-      fmt::format("{}: error: no possible world{}{}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
-                  sentence.empty() ? "" : ": ", sentence);
+      fmt::format("{}: error: {}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
+                  sentence.empty() ? "no possible world" : sentence);
   for (const ConflictItem& item : conflict) {
     text +=
         fmt::format("{}: note: {}{}\n", place_text(item), item.is_formula ? "hard formula: " : "evidence: ", item.text);

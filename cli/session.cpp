@@ -58,7 +58,13 @@ void add_common_options(CLI::App& command, Options& options) {
                   "Write the result as JSON to FILE; '-': to standard output, and nothing else there")
       ->type_name("FILE|-")
       ->group("Common");
-  command.add_option("--seed", options.seed, "Seed of all randomness (default 1)")->type_name("N")->group("Common");
+  command.add_option("--seed", options.seed, "Seed of all randomness (default 1)")
+      ->type_name("N")
+      ->group("Common")
+      ->check([](const std::string& text) {
+        const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+        return digits && text.size() <= 19 ? std::string() : "expected a whole number from 0 to 10^19 - 1, not '" + text + "'";
+      });
   command
       .add_option("--threads", options.threads, "Threads; the answer does not depend on them (default 0: all cores)")
       ->type_name("N")

@@ -11,6 +11,7 @@ namespace {
 // A gate with more inputs than this ties its variables too loosely to say who belongs together.
 constexpr std::size_t kTightGate = 16;
 constexpr std::size_t kLongGate = 5;
+constexpr std::size_t kMostTies = 256;
 constexpr std::uint32_t kOutside = 0xffffffffu;
 
 class Grower {
@@ -82,7 +83,9 @@ class Grower {
   void climb(std::uint32_t node, std::uint32_t self, std::unordered_map<std::uint32_t, float>& ties) const {
     for (const WorldIndex::Use& use : index_.uses(node)) {
       const auto inputs = network_.gate_inputs(GateId(use.gate));
-      if (inputs.size() <= kTightGate) descend(use.gate, self, 1.0f / static_cast<float>(inputs.size()), ties);
+      if (inputs.size() > kTightGate) continue;  // nor do those above it say much
+      descend(use.gate, self, 1.0f / static_cast<float>(inputs.size()), ties);
+      if (ties.size() > kMostTies) return;
       climb(index_.gate_node(use.gate), self, ties);
     }
   }

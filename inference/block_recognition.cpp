@@ -32,8 +32,7 @@ class Recognition {
     for (const WeightedInstance& w : network_.weights()) builder.add_weight(w);
     for (const Feature& f : network_.features()) builder.add_feature(renamed(f.literal), f.weight, f.weight_id);
     for (const Constraint& c : network_.constraints()) {
-      // A demand for "false" cannot come about: groups only say what the constraints said.
-      builder.add_constraint(renamed(c.literal), c.formula);
+      if (!builder.add_constraint(renamed(c.literal), c.formula)) result.possible = false;
     }
     for (const QueryTarget& q : network_.queries()) builder.add_query({renamed(q.literal), q.is_formula, q.formula_text});
     result.network = builder.build();

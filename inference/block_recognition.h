@@ -18,6 +18,7 @@ namespace sherlog {
 struct RecognisedBlocks {
   GroundNetwork network;
   std::vector<AtomId> atom;  // new number of each old atom
+  bool possible = true;      // false: a hard formula contradicts the groups
 };
 
 // Nothing where there are no such groups.

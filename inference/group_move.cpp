@@ -32,7 +32,7 @@ std::vector<bool> find_leaves(const WorldIndex& index, std::span<const VariableI
   std::vector<bool> leaf(network.atom_count(), false);
   for (VariableId v : variables) {
     const AtomId atom = network.first_atom(v);
-    if (covered[v.index()] || network.candidate_count(v) != 1 || index.demand(atom.value) != 0) continue;
+    if (covered[v.index()] || network.candidate_count(v) != 1 || !network.has_none(v) || index.demand(atom.value) != 0) continue;
     bool good = true, hangs_on_group = false;
     for_each_gate_above(index, atom.value, [&](std::uint32_t gate) {
       if (!good) return;
@@ -96,6 +96,7 @@ GroupMoves::GroupMoves(const WorldIndex& index, std::span<const VariableId> vari
     groups_.push_back({g, begin, static_cast<std::uint32_t>(members_.size())});
     for (std::uint32_t m = begin; m < members_.size(); ++m) covered_[members_[m].variable.index()] = true;
   }
+  if (groups_.empty()) return;
   const std::vector<bool> leaf = find_leaves(index, variables, covered_);
   std::vector<std::uint32_t> found;
   for (Member& member : members_) {

@@ -33,7 +33,12 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
   const InferenceOptions& options = context.options;
   MethodResult result = run_exact({context.network, narrow, options, context.stop, context.atom_bias});
   if (wide.empty()) return result;
-  if (result.termination != Termination::kCompleted) return result;
+  if (result.termination != Termination::kCompleted) {
+    for (ComponentId c : wide) {
+      for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q].probability = std::numeric_limits<double>::quiet_NaN();
+    }
+    return result;
+  }
   MethodResult sampled = run_mcsat({context.network, wide, options, context.stop, context.atom_bias});
   for (ComponentId c : wide) {
     for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q] = sampled.marginals[q];
@@ -51,13 +56,18 @@ ChainDiagnostics judge(const std::vector<Marginal>& marginals, std::uint32_t cha
   diagnostics.rhat_max = 0.0;
   diagnostics.ess_min = std::numeric_limits<double>::infinity();
   for (const Marginal& m : marginals) {
-    if (!m.ess && !m.rhat) continue;
-    const double rhat = m.rhat.value_or(kConvergedRhat), ess = m.ess.value_or(0.0);
+    if (!m.mcse) continue;  // not sampled
+    if (!m.ess || !m.rhat) {  // too few draws to tell
+      ++diagnostics.not_converged;
+      continue;
+    }
+    const double rhat = *m.rhat, ess = *m.ess;
     diagnostics.rhat_max = std::max(diagnostics.rhat_max, rhat);
     diagnostics.ess_min = std::min(diagnostics.ess_min, ess);
     if (!(rhat < kConvergedRhat) || ess < kConvergedEssPerChain * chains) ++diagnostics.not_converged;
   }
   diagnostics.converged = diagnostics.not_converged == 0;
+  if (!std::isfinite(diagnostics.ess_min)) diagnostics.ess_min = 0.0;
   return diagnostics;
 }
 
@@ -165,6 +175,13 @@ InferenceResult infer(const GroundNetwork& original, const InferenceOptions& opt
     return result;
   }
   const StopCondition stop(monitor, options.max_seconds);
+  const bool finite = std::isfinite(original.constant_score()) &&
+                      std::ranges::all_of(original.features(), [](const Feature& f) { return std::isfinite(f.weight); });
+  if (!finite) {
+    result.termination = Termination::kRefused;
+    result.message = "the weights of ground formulas add up to more than a number can hold";
+    return result;
+  }
   const Method* method = options.method == "auto" ? nullptr : find_method(options.method);
   const bool wants_map = method != nullptr && method->finds_map;
   // Constraints, variables and queries keep their numbers, so nothing in the result has to be translated back.

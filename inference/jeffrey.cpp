@@ -76,7 +76,7 @@ class Fit {
 
   // A marginal of 0 or 1 cannot be moved by any bias.
   bool fixed(const Point& point) const {
-    return std::ranges::any_of(point.evaluation.marginals, [](double m) { return m <= 0.0 || m >= 1.0; });
+    return std::ranges::any_of(point.evaluation.marginals, [](double m) { return m <= 0.0; });
   }
 
   void fit_exact(Point point) {

@@ -12,6 +12,7 @@ namespace {
 // Formulas whose variables inside the block have at most this many joint values (times outside variants) stay one table.
 constexpr std::size_t kInlineEntries = 64;
 constexpr std::size_t kLargestTable = 8192;
+constexpr double kLargestWeight = 30.0, kLargestWeights = 600.0;  // nats, of one formula and of a block in all
 constexpr double kTableOverhead = 40.0;  // what handling one table costs, in entries
 constexpr std::uint64_t kOrderSteps = 5000;  // for each variable: an order that takes longer to find is of no use
 
@@ -143,7 +144,10 @@ class JointBlockBuilder {
       block_.bits_.push_back({id, begin, static_cast<std::uint32_t>(block_.inside_.size())});
       gate.bits.push_back(static_cast<std::uint32_t>(gate.outside_bit));
     }
-    for (Literal input : gate.inside) reads(input, gate.scope, gate.bits);
+    for (Literal input : gate.inside) {
+      reads(input, gate.scope, gate.bits);
+      if (entries(gate.scope, gate.bits.size()) > kInlineEntries) break;  // to be cut: the rest of the scope is not needed
+    }
     if (entries(gate.scope, gate.bits.size()) <= kInlineEntries) return true;
     if (network_.gate_kind(GateId(id)) != GateKind::kIff) return make_chain(id, gate);
     return split_iff(gate);
@@ -157,6 +161,7 @@ class JointBlockBuilder {
     std::vector<std::uint32_t> key;
     if (gate.outside_bit >= 0) return key;
     assignment_.resize(cardinalities_.size());
+    in_scope_.assign(cardinalities_.size(), false);
     for (const auto& [order, inputs] : groups) {
       std::vector<std::uint32_t> scope, bits;
       for (Literal input : inputs) reads(input, scope, bits);
@@ -260,7 +265,10 @@ class JointBlockBuilder {
   // Truth of a gate under assignment_ and bit_assignment_.
   bool evaluate(std::uint32_t id) const {
     const Gate& gate = gate_[local_gate_.at(id)];
-    if (gate.auxiliary >= 0) return assignment_[static_cast<std::uint32_t>(gate.auxiliary)] == 1;
+    // A gate may have got its variable after others had read through it; their tables know nothing of that variable.
+    if (gate.auxiliary >= 0 && in_scope_[static_cast<std::uint32_t>(gate.auxiliary)]) {
+      return assignment_[static_cast<std::uint32_t>(gate.auxiliary)] == 1;
+    }
     auto count = static_cast<std::uint32_t>(std::ranges::count_if(gate.inside, [&](Literal l) { return evaluate(l); }));
     if (gate.outside_bit >= 0) count += bit_assignment_[static_cast<std::uint32_t>(gate.outside_bit)];
     return gate_truth(network_.gate_kind(GateId(id)), count);
@@ -275,6 +283,8 @@ class JointBlockBuilder {
     if (literal.is_gate() && gate_[local_gate_.at(literal.gate().value)].weighed) return weight == 0.0;
     std::vector<std::uint32_t> scope, bits;
     reads(literal, scope, bits);
+    // Plain numbers would make a large weight a hard one.
+    if ((weight_sum_ += std::abs(weight)) > kLargestWeights && std::abs(weight) > kLargestWeight) return false;
     // Scaled so that the larger of both is 1.
     const double if_true = weight > 0.0 ? 1.0 : std::exp(weight), if_false = weight > 0.0 ? std::exp(-weight) : 1.0;
     return add_table(scope, bits, [&] {
@@ -295,6 +305,8 @@ class JointBlockBuilder {
     if (is_new) tables_.push_back({scope, std::vector<double>(size, 1.0)});
     Table& table = tables_[found->second];
     assignment_.resize(cardinalities_.size());
+    in_scope_.assign(cardinalities_.size(), false);
+    for (std::uint32_t v : scope) in_scope_[v] = true;
     bit_assignment_.assign(block_.bits_.size(), 0);
     const auto values_begin = static_cast<std::uint32_t>(block_.variant_values_.size());
     for (std::size_t variant = 0; variant < std::size_t{1} << bits.size(); ++variant) {
@@ -352,6 +364,8 @@ class JointBlockBuilder {
   std::map<std::vector<std::uint32_t>, std::vector<std::uint32_t>> chain_of_key_;
   std::vector<std::uint32_t> assignment_;
   std::vector<std::uint8_t> bit_assignment_;
+  double weight_sum_ = 0.0;
+  std::vector<bool> in_scope_;  // of the table that is being made, by plan variable
   JointBlock block_;
 };
 

@@ -22,9 +22,9 @@ class Search {
   Search(World& world, Rng& rng, std::span<const VariableId> variables)
       : world_(world), rng_(rng), network_(world.index().network()), variables_(variables) {}
 
-  bool run(std::uint64_t max_flips) {
+  bool run(std::uint64_t max_flips, const StopCondition* stop) {
     for (std::uint64_t flip = 0; !world_.broken().empty(); ++flip) {
-      if (flip >= max_flips) return false;
+      if (flip >= max_flips || (stop != nullptr && (flip & 1023u) == 1023u && stop->reached())) return false;
       if (rng_.uniform() < kAnnealingShare) {
         anneal();
       } else {
@@ -105,8 +105,9 @@ class Search {
 
 }  // namespace
 
-bool sample_sat(World& world, Rng& rng, std::span<const VariableId> variables, std::uint64_t max_flips) {
-  return Search(world, rng, variables).run(max_flips);
+bool sample_sat(World& world, Rng& rng, std::span<const VariableId> variables, std::uint64_t max_flips,
+                const StopCondition* stop) {
+  return Search(world, rng, variables).run(max_flips, stop);
 }
 
 }  // namespace sherlog

@@ -13,10 +13,12 @@
 
 #include "inference/rng.h"
 #include "inference/world.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
-// Moves only `variables`. True once nothing is broken; false after `max_flips` (the World is then somewhere else than before).
-bool sample_sat(World& world, Rng& rng, std::span<const VariableId> variables, std::uint64_t max_flips);
+// Moves only `variables`. True once nothing is broken; false after `max_flips` or at `stop` (the World is then somewhere else than before).
+bool sample_sat(World& world, Rng& rng, std::span<const VariableId> variables, std::uint64_t max_flips,
+                const StopCondition* stop = nullptr);
 
 }  // namespace sherlog

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <new>
 #include <thread>
 
 #include "inference/at_most_one.h"
@@ -33,10 +35,13 @@ struct Plan {
   struct Component {
     std::vector<VariableId> variables;
     BlockCover cover;
+    std::vector<std::uint32_t> demanded;  // nodes with a hard demand
+    bool queried = false;
     bool jump = false;  // hard formulas may lock single moves in
   };
   GroundNetwork network;  // pairwise exclusions folded into at-most-one gates
   std::vector<std::uint32_t> queries;
+  bool possible = true;                // false: the rewriting met a contradiction
   std::vector<std::uint32_t> decided;  // queries that the rewriting found to be constant
   std::vector<Component> components;
   std::vector<VariableId> variables;
@@ -66,6 +71,8 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
   // Variables of the asked components, and biases, in the numbers of the rewritten network.
   std::optional<RecognisedBlocks> blocks = recognise_blocks(context.network);
   const GroundNetwork& source = blocks ? blocks->network : context.network;
+  plan.possible = !blocks || blocks->possible;
+  if (!plan.possible) return plan;
   const auto renamed = [&](AtomId a) { return blocks ? blocks->atom[a.index()] : a; };
   std::vector<double> bias(context.atom_bias.empty() ? 0 : source.atom_count(), 0.0);
   for (std::uint32_t a = 0; a < context.atom_bias.size(); ++a) bias[renamed(AtomId(a)).index()] = context.atom_bias[a];
@@ -84,10 +91,20 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
   components.clear();
   for (VariableId v : asked) components.push_back(n.component_of(v));
   sort_unique(components);
+  std::vector<VariableId> moving;
+  for (ComponentId c : components) {
+    const auto own = n.component_variables(c);
+    moving.insert(moving.end(), own.begin(), own.end());
+  }
+  plan.defined.collapse(*plan.index, moving);
   for (ComponentId c : components) {
     Plan::Component part;
     const auto all = n.component_variables(c);
-    plan.defined.collapse(*plan.index, all);
+    for (std::uint32_t i : n.component_constraints(c)) {
+      const std::uint32_t node = plan.index->node(n.constraints()[i].literal);
+      if (plan.index->demand(node) != 0) part.demanded.push_back(node);
+    }
+    part.queried = !n.component_queries(c).empty();
     std::ranges::copy_if(all, std::back_inserter(part.variables), [&](VariableId v) { return !plan.defined.contains(v); });
     const auto& variables = part.variables;
     part.cover = cover_component(*plan.index, variables, context.options.seed, context.stop);
@@ -134,23 +151,19 @@ class Chain {
   // A first world that meets the hard formulas. `opposite`: start as far from that world as possible. 0: found, else the
   // number of the component (plus one) that seems to have none.
   std::size_t start(const StopCondition& stop) {
-    for (std::size_t c = 0; c < parts_.size(); ++c) {
-      const auto& component = plan_.components[c];
-      for (VariableId v : component.variables) demand_hard(v);
-    }
     scatter();
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       const auto& component = plan_.components[c];
-      if (component.cover.whole) {
-        if (!parts_[c].blocks[0].draw(world_, rng_)) return c + 1;
-        continue;
-      }
-      bool found = broken_in(component.variables) == 0;
+      if (component.cover.whole && !parts_[c].blocks[0].draw(world_, rng_)) return c + 1;
+      // Demands come one component after the other: whatever is broken then belongs to this one.
+      for (std::uint32_t node : component.demanded) world_.set_demand(node, plan_.index->demand(node));
+      if (component.cover.whole) continue;
+      bool found = world_.broken().empty();
       for (int attempt = 0; !found && attempt < kStartTries && !stop.reached(); ++attempt) {
         if (attempt > 0) {
           for (VariableId v : component.variables) world_.set(v, rng_.below(plan_.network.value_count(v)));
         }
-        found = sample_sat(world_, rng_, component.variables, kStartFlips * component.variables.size() + 10000);
+        found = sample_sat(world_, rng_, component.variables, kStartFlips * component.variables.size() + 10000, &stop);
       }
       if (!found) return c + 1;
     }
@@ -162,6 +175,7 @@ class Chain {
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       Part& part = parts_[c];
       const auto& component = plan_.components[c];
+      if (!component.queried) continue;  // its first world is all that is needed of it
       if (component.cover.whole) {
         part.blocks[0].draw(world_, rng_);
         continue;
@@ -203,22 +217,16 @@ class Chain {
   static constexpr std::uint32_t kSliceEvery = 4;
   static constexpr std::uint32_t kSliceEveryOfGroups = 16;
 
-  void demand_hard(VariableId v) {
-    for (std::uint32_t i = 0; i < plan_.network.candidate_count(v); ++i) demand_above(plan_.network.first_atom(v).value + i);
-  }
-  void demand_above(std::uint32_t node) {
-    if (plan_.index->demand(node) != 0 && world_.demand(node) == 0) world_.set_demand(node, plan_.index->demand(node));
-    for (const WorldIndex::Use& use : plan_.index->uses(node)) demand_above(plan_.index->gate_node(use.gate));
-  }
-  std::size_t broken_in(const std::vector<VariableId>&) const { return world_.broken().size(); }
 
   // Chains 0 and 1 (2 and 3, ...) start from opposite values; the first pair from all false and all true.
   void scatter() {
     Rng shared(0x5ca77e5, number_ / 2);
     for (VariableId v : plan_.variables) {
       const std::uint32_t values = plan_.network.value_count(v);
-      std::uint32_t value = number_ < 2 ? values - 1 : shared.below(values);
-      if (number_ % 2 == 1) value = number_ == 1 ? 0 : (value + 1 + shared.below(values - 1 == 0 ? 1 : values - 1)) % values;
+      // Both numbers are drawn by both chains of a pair, so that they stay in step.
+      const std::uint32_t one = shared.below(values), step = 1 + shared.below(std::max(values, 2u) - 1);
+      std::uint32_t value = number_ < 2 ? values - 1 : one;
+      if (number_ % 2 == 1) value = number_ == 1 ? 0 : (one + step) % values;
       world_.set(v, value);
     }
   }
@@ -328,7 +336,8 @@ void summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records
 
 MethodResult sample(const MethodContext& context, Kernel kernel) {
   MethodResult result;
-  result.marginals.resize(context.network.queries().size());
+  // What is not computed is no number, least of all 0.
+  result.marginals.assign(context.network.queries().size(), Marginal{std::numeric_limits<double>::quiet_NaN(), {}, {}, {}});
   if (context.components.empty()) return result;
   if (kernel == Kernel::kGibbs) {
     for (ComponentId c : context.components) {
@@ -343,12 +352,22 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
     }
   }
   const Plan plan = make_plan(context, kernel);
+  if (!plan.possible) {
+    MethodResult failure = explain_failure(context);
+    failure.marginals = std::move(result.marginals);
+    return failure;
+  }
   const Schedule schedule = make_schedule(context.options, plan.queries.size());
   std::vector<ChainRecord> records(context.options.chains);
   std::atomic<std::uint32_t> next{0};
   std::atomic<std::uint64_t> done{0};
+  std::atomic<bool> out_of_memory{false};
   const auto work = [&] {
-    for (std::uint32_t c = next++; c < records.size(); c = next++) run_chain(plan, context, kernel, c, schedule, done, records[c]);
+    try {
+      for (std::uint32_t c = next++; c < records.size(); c = next++) run_chain(plan, context, kernel, c, schedule, done, records[c]);
+    } catch (const std::bad_alloc&) {
+      out_of_memory = true;
+    }
   };
   const std::uint32_t hardware = std::max(1u, std::thread::hardware_concurrency());
   const std::uint32_t threads = std::min(context.options.threads == 0 ? hardware : context.options.threads, context.options.chains);
@@ -357,15 +376,19 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
   work();
   pool.clear();
 
-  for (const ChainRecord& r : records) {
-    if (r.failed_component != 0) {
-      MethodResult failure = explain_failure(context);
-      failure.marginals = std::move(result.marginals);
-      return failure;
-    }
-  }
   // A limit may have kept some chains from starting: those that have draws speak.
+  const bool failed = std::ranges::any_of(records, [](const ChainRecord& r) { return r.failed_component != 0; });
   std::erase_if(records, [](const ChainRecord& r) { return r.draws == 0; });
+  if (out_of_memory) {
+    result.termination = Termination::kMemoryLimit;
+    result.message = "memory ran out while sampling";
+    return result;
+  }
+  if (records.empty() && failed) {
+    MethodResult failure = explain_failure(context);
+    failure.marginals = std::move(result.marginals);
+    return failure;
+  }
   if (records.empty()) {
     result.termination = context.stop.reached() ? context.stop.reason() : Termination::kTimeLimit;
     result.message = "stopped before the first draw";

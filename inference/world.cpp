@@ -7,6 +7,7 @@ namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kNotBroken = 0xffffffffu;
+constexpr std::size_t kLongestClimb = 256;  // gates above an atom beyond which nobody asks whether they are a tree
 
 }  // namespace
 
@@ -40,10 +41,12 @@ WorldIndex::WorldIndex(const GroundNetwork& network, std::span<const double> ato
   std::vector<std::uint32_t> stack;
   for (std::uint32_t a = 0; a < atom_count_; ++a) {
     bool tree = true;
+    std::size_t steps = 0;
     stack.assign(1, a);
     while (tree && !stack.empty()) {
       const std::uint32_t top = stack.back();
       stack.pop_back();
+      if (++steps > kLongestClimb) tree = false;
       for (const Use& use : uses(top)) {
         if (seen_by[use.gate] == a) tree = false;
         seen_by[use.gate] = a;

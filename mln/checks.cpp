@@ -221,7 +221,7 @@ void check_constant_truth(const Formula& formula, Diagnostics& diagnostics) {
       return;
     case ConstantTruth::kAlwaysFalse:
       if (formula.hard) {
-        diagnostics.error("contradiction", formula.place, "hard formula is always false: no world is possible");
+        diagnostics.warning("contradiction", formula.place, "hard formula is always false: no world is possible where it has a grounding");
       } else {
         diagnostics.warning("contradiction", formula.place, "formula is always false: it changes no probability");
       }

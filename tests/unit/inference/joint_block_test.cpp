@@ -127,6 +127,30 @@ TEST(JointBlock, CutsLongGatesIntoChains) {
   expect_conditional(network, world, half, [&] { ASSERT_TRUE(part->draw(world, rng)); });
 }
 
+// The inner equivalence is read through by the first formula and gets a variable of its own for the second, wide one.
+TEST(JointBlock, AFormulaSharedByANarrowAndAWideOneIsReadRightByBoth) {
+  NetworkBuilder builder;
+  const auto value = [&](VariableId v, std::uint32_t i) { return Literal::atom(AtomId(builder.first_atom(v).value + i)); };
+  const VariableId x = builder.add_anonymous(3, false), y = builder.add_anonymous(4, false), z = builder.add_anonymous(4, true);
+  const Literal b = Literal::atom(builder.first_atom(builder.add_boolean()));
+  const Literal c = Literal::atom(builder.first_atom(builder.add_boolean()));
+  const WeightId weight = builder.add_weight({FormulaId(0), {}, 1.0});
+  const Literal shared = builder.make_iff(value(x, 0), value(y, 0));
+  std::vector<Literal> inputs{value(y, 2), ~b};
+  builder.add_feature(builder.make_iff(builder.make_or(inputs), shared), -1.4, weight);
+  inputs = {value(z, 1), value(z, 2), c};
+  builder.add_feature(builder.make_iff(shared, builder.make_or(inputs)), -0.9, weight);
+  const GroundNetwork network = builder.build();
+  const WorldIndex index(network);
+  World world(index);
+  Rng rng(11, 0);
+  std::vector<VariableId> everything;
+  for (std::uint32_t v = 0; v < network.variable_count(); ++v) everything.emplace_back(v);
+  auto block = JointBlock::make(index, everything, 1e5);
+  ASSERT_TRUE(block.has_value());
+  expect_conditional(network, world, everything, [&] { ASSERT_TRUE(block->draw(world, rng)); });
+}
+
 TEST(BlockCover, CoversEveryVariableOfAWideComponent) {
   NetworkBuilder builder;
   const std::uint32_t side = 30;
