@@ -29,7 +29,7 @@ write_commands | sed 's/[[:space:]]*$//' >"$new"
 if [ "${2:-}" = --check ]; then
   cmp -s "$new" docs/commands.md || { echo "docs: docs/commands.md is out of date; run 'make docs'" >&2; exit 1; }
 else
-  cp "$new" docs/commands.md
+  cat "$new" >docs/commands.md  # not a copy: the temporary file is private
 fi
 
 broken=0

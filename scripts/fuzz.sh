@@ -12,11 +12,12 @@ if ! command -v clang++ >/dev/null && ! scripts/setup.sh fuzz; then
   preset=fuzz-standalone
 fi
 cmake --preset "$preset"
-cmake --build --preset "$preset" -j "$jobs"
+names="$(for source in tests/fuzz/*_fuzz.cpp; do basename "$source" .cpp; done)"
+# shellcheck disable=SC2086  # a list of targets
+cmake --build --preset "$preset" -j "$jobs" --target $names
 
 mkdir -p build/fuzz/work
-for source in tests/fuzz/*_fuzz.cpp; do
-  name="$(basename "$source" .cpp)"
+for name in $names; do
   mkdir -p "build/fuzz/work/$name"
   echo "fuzz: $name for $seconds seconds"
   (cd build/fuzz/work && "../tests/$name" -max_total_time="$seconds" -timeout=20 -max_len=4096 "$name" \
