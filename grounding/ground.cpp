@@ -407,34 +407,7 @@ class Grounder {
     }
     result.table = TupleTable(result.plus.size());
     result.key.resize(result.plus.size());
-    if (options_.keep_zero_weights) list_instances(id, result, 0);  // learning names every weight, seen or not
     return result;
-  }
-
-  void list_instances(FormulaId id, Instances& instances, std::size_t depth) {
-    if (depth == instances.plus.size()) {
-      if (in_order(model_.formula(id), instances)) instance(id, instances);
-      return;
-    }
-    const std::uint32_t size = atoms_.domain_size(model_.formula(id).variables[instances.plus[depth]].domain);
-    for (ConstantIndex c = 0; c < size; ++c) {
-      instances.key[depth] = c;
-      list_instances(id, instances, depth + 1);
-    }
-  }
-
-  static bool in_order(const Formula& formula, const Instances& instances) {
-    for (const auto& group : formula.unique) {
-      std::int64_t last = -1;
-      for (std::uint32_t variable : group) {
-        const auto found = std::ranges::find(instances.plus, variable);
-        if (found == instances.plus.end()) continue;
-        const std::int64_t constant = instances.key[static_cast<std::size_t>(found - instances.plus.begin())];
-        if (constant <= last) return false;
-        last = constant;
-      }
-    }
-    return true;
   }
 
   WeightId instance(FormulaId id, Instances& instances) {

@@ -48,6 +48,9 @@ class Evidence {
 
  private:
   friend class EvidenceBuilder;
+  friend Model with_shared_constants(const Model&, std::span<const Evidence>, const std::vector<bool>&);
+  friend Evidence renumbered(const Evidence&, const Model&, const Model&);
+  friend Evidence without(const Evidence&, const std::vector<bool>&);
   std::vector<PredicateEvidence> predicates_;
   std::vector<std::vector<std::string>> added_;
   std::vector<std::unordered_map<std::string, ConstantIndex>> added_index_;

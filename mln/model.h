@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -41,6 +42,8 @@ struct Predicate {
   std::size_t arity() const { return domains.size(); }
 };
 
+class Evidence;
+
 class Model {
  public:
   const std::vector<Domain>& domains() const { return domains_; }
@@ -55,6 +58,7 @@ class Model {
 
  private:
   friend class ModelBuilder;
+  friend Model with_shared_constants(const Model&, std::span<const Evidence>, const std::vector<bool>&);
   std::vector<Domain> domains_;
   std::vector<Predicate> predicates_;
   std::vector<Formula> formulas_;  // *P atoms are expanded, + templates are not

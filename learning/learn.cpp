@@ -1,0 +1,254 @@
+#include "learning/learn.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "learning/learned_model.h"
+#include "learning/methods.h"
+#include "learning/optimiser.h"
+
+namespace sherlog {
+namespace {
+
+constexpr std::size_t kMostErrors = 4000;  // standard errors take the cube of this
+
+const LearningMethod* find_method_named(std::string_view name) {
+  for (const LearningMethod& method : learning_method_table()) {
+    if (method.info.name == name) return &method;
+  }
+  return nullptr;
+}
+
+class Learning {
+ public:
+  Learning(const Model& model, std::span<const Evidence> databases, const LearningOptions& options, Monitor& monitor)
+      : options_(options), stop_(monitor, options.max_seconds), set_(model, databases) {
+    result_.method = options.method;
+    result_.options = options;
+    result_.databases = databases.size();
+  }
+
+  LearningResult run() {
+    if (check()) work();
+    result_.seconds.total = stop_.seconds();
+    result_.model = std::move(set_.model);
+    return std::move(result_);
+  }
+
+ private:
+  bool fail(Termination termination, std::string message) {
+    result_.termination = termination;
+    result_.message = std::move(message);
+    return false;
+  }
+
+  bool check() {
+    if (std::string problem = validate(options_); !problem.empty()) return fail(Termination::kRefused, problem);
+    if (!set_.weights.problem().empty()) return fail(Termination::kMemoryLimit, set_.weights.problem());
+    if (set_.databases.empty()) return fail(Termination::kRefused, "there is no training data");
+    for (const Evidence& evidence : set_.databases) {
+      std::string problem = training_problem(set_.model, evidence, set_.mentioned);
+      if (!problem.empty()) return fail(Termination::kRefused, std::move(problem));
+    }
+    for (const PredicateId p : options_.discriminative) warn_about_target(p);
+    return true;
+  }
+
+  void warn_about_target(PredicateId p) {
+    const std::string& name = set_.model.predicate(p).name;
+    if (!set_.mentioned[p.index()]) result_.warnings.push_back(fmt::format("no formula mentions '{}'", name));
+    std::size_t without = 0, first = 0;
+    for (std::size_t d = set_.databases.size(); d-- > 0;) {
+      const auto& kinds = set_.databases[d].of(p).kinds;
+      if (std::ranges::find(kinds, EvidenceKind::kTrue) != kinds.end()) continue;
+      ++without;
+      first = d + 1;
+    }
+    if (without == 0) return;
+    result_.warnings.push_back(fmt::format("{} of {} databases state no true atom of '{}' (the first is number {})",
+                                           without, set_.databases.size(), name, first));
+  }
+
+  void work() {
+    ObjectiveOrProblem made = find_method_named(options_.method)->make(set_, options_, stop_);
+    result_.seconds.count = stop_.seconds();
+    if (!made.objective) {
+      fail(made.problem.termination, std::move(made.problem.message));
+      return;
+    }
+    Objective& objective = *made.objective;
+    prepare(objective);
+    OptimiserResult best = maximise(objective, start_, free_, priors_, options_.optimiser, stop_);
+    result_.seconds.optimise = stop_.seconds() - result_.seconds.count;
+    report(best, objective);
+    if (options_.standard_errors && result_.termination == Termination::kCompleted) add_errors(best, objective);
+  }
+
+  void prepare(const Objective& objective) {
+    const std::size_t count = set_.weights.size();
+    std::vector<Prior> by_formula(set_.model.formulas().size(), options_.prior);
+    for (const auto& [formula, prior] : options_.formula_priors) by_formula[formula.index()] = prior;
+    for (std::size_t w = 0; w < count; ++w) {
+      const Formula& formula = set_.model.formula(set_.weights.formula(w));
+      const Prior& prior = by_formula[set_.weights.formula(w).index()];
+      const bool identified = objective.support()[w] > 0.0;
+      LearnedWeight weight;
+      weight.fixed = formula.fixed;
+      weight.identified = identified || formula.fixed;
+      double value = formula.has_weight ? formula.weight : 0.0;
+      if (!identified && !formula.fixed) {  // the prior alone decides
+        if (prior.precision() > 0.0) value = prior.mean;
+        if (prior.l1 > 0.0 && prior.precision() == 0.0) value = 0.0;
+      }
+      priors_.push_back(prior);
+      start_.push_back(value);
+      free_.push_back(identified && !formula.fixed);
+      result_.weights.push_back(weight);
+    }
+  }
+
+  void report(const OptimiserResult& best, const Objective& objective) {
+    if (!std::isfinite(best.objective_with_prior)) {
+      result_.weights.clear();
+      fail(objective.termination() == Termination::kCompleted ? Termination::kRefused : objective.termination(),
+           objective.message().empty() ? "the objective could not be computed at the weights of the model"
+                                       : objective.message());
+      return;
+    }
+    double prior_of_rest = 0.0;  // what is not free has a prior as well, where it is not fixed
+    for (std::size_t w = 0; w < best.weights.size(); ++w) {
+      result_.weights[w].weight = best.weights[w];
+      if (!free_[w] && !result_.weights[w].fixed) {
+        prior_of_rest += priors_[w].log_density(best.weights[w]) - priors_[w].l1 * std::abs(best.weights[w]);
+      }
+    }
+    result_.objective = best.objective;
+    result_.objective_with_prior = best.objective_with_prior + prior_of_rest;
+    result_.converged = best.converged;
+    result_.reason = best.reason;
+    result_.iterations = best.iterations;
+    result_.gradient_norm = best.gradient_norm;
+    result_.trace = best.trace;
+    result_.termination = best.termination;
+    if (best.termination != Termination::kCompleted) {
+      result_.message = objective.message().empty() ? best.reason : objective.message();
+    }
+    warn(objective);
+  }
+
+  void warn(const Objective& objective) {
+    std::size_t unseen = 0, first = 0;
+    for (std::size_t w = result_.weights.size(); w-- > 0;) {
+      if (result_.weights[w].identified) continue;
+      ++unseen;
+      first = w;
+    }
+    if (unseen > 0) {
+      result_.warnings.push_back(fmt::format(
+          "the data says nothing about {} of {} weights, they have their prior's; the first is that of '{}'", unseen,
+          result_.weights.size(), weight_text(set_.model, set_.weights, first)));
+    }
+    for (const auto& group : objective.indistinguishable()) {
+      std::string names;
+      for (std::size_t i = 0; i < std::min<std::size_t>(group.size(), 3); ++i) {
+        names += fmt::format("{}'{}'", i == 0 ? "" : " and ", weight_text(set_.model, set_.weights, group[i]));
+      }
+      if (group.size() > 3) names += fmt::format(" and {} more", group.size() - 3);
+      result_.warnings.push_back("the data cannot tell apart the weights of " + names);
+      for (const std::uint32_t w : group) result_.weights[w].shared = true;
+      if (result_.warnings.size() > 20) break;
+    }
+    if (!result_.converged && result_.termination == Termination::kCompleted) {
+      result_.warnings.push_back("the weights have not converged: " + result_.reason);
+    }
+  }
+
+  // The inverse of the information at the optimum, the prior's included.
+  void add_errors(const OptimiserResult& best, Objective& objective) {
+    std::vector<std::uint32_t> subset;
+    for (std::uint32_t w = 0; w < free_.size(); ++w) {
+      if (free_[w] && !(priors_[w].l1 > 0.0 && best.weights[w] == 0.0)) subset.push_back(w);
+    }
+    if (subset.size() > kMostErrors) {
+      result_.warnings.push_back(
+          fmt::format("no standard errors: they are computed for up to {} weights, these are {}", kMostErrors,
+                      subset.size()));
+      return;
+    }
+    Eigen::MatrixXd information = objective.information(best.weights, subset);
+    for (std::size_t i = 0; i < subset.size(); ++i) {
+      information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) += priors_[subset[i]].precision();
+    }
+    const Eigen::LDLT<Eigen::MatrixXd> factor(information);
+    const double largest = information.diagonal().size() > 0 ? information.diagonal().maxCoeff() : 0.0;
+    if (factor.info() != Eigen::Success || factor.vectorD().minCoeff() <= 1e-12 * largest) {
+      result_.warnings.push_back("no standard errors: some weights are not determined by data and prior together");
+      return;
+    }
+    const auto size = static_cast<Eigen::Index>(subset.size());
+    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(size, size));
+    for (std::size_t i = 0; i < subset.size(); ++i) {
+      const double variance = covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i));
+      if (variance >= 0.0) result_.weights[subset[i]].standard_error = std::sqrt(variance);
+    }
+  }
+
+  LearningOptions options_;
+  StopCondition stop_;
+  TrainingSet set_;
+  LearningResult result_;
+  std::vector<double> start_;
+  std::vector<bool> free_;
+  std::vector<Prior> priors_;
+};
+
+std::string prior_problem(const Prior& prior) {
+  if (!(prior.stdev > 0.0)) {
+    return fmt::format("the prior's standard deviation is {}; it must be above 0 ('inf': no prior)", prior.stdev);
+  }
+  if (!std::isfinite(prior.mean)) return fmt::format("the prior's mean is {}; it must be a finite number", prior.mean);
+  if (!(prior.l1 >= 0.0) || std::isinf(prior.l1)) {
+    return fmt::format("the L1 prior's rate is {}; it must be a finite number of at least 0", prior.l1);
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string validate(const LearningOptions& options) {
+  const LearningMethod* method = find_method_named(options.method);
+  if (method == nullptr) {
+    std::string names;
+    for (const LearningMethodInfo& info : learning_methods()) names += (names.empty() ? "" : ", ") + std::string(info.name);
+    return fmt::format("there is no method of learning '{}'; there are {}", options.method, names);
+  }
+  if (method->info.discriminative && options.discriminative.empty()) {
+    return fmt::format("method '{}' needs --discriminative: the predicates that are to be predicted", options.method);
+  }
+  if (!method->info.discriminative && !options.discriminative.empty()) {
+    return fmt::format("method '{}' has no use for --discriminative; dpll and cll have", options.method);
+  }
+  if (!options.blocks.empty() && options.method != "bpll") {
+    return fmt::format("method '{}' has no use for --block; bpll has", options.method);
+  }
+  if (std::string problem = prior_problem(options.prior); !problem.empty()) return problem;
+  for (const auto& [formula, prior] : options.formula_priors) {
+    if (std::string problem = prior_problem(prior); !problem.empty()) return problem;
+  }
+  if (options.optimiser.max_iterations == 0) return "--max-iterations: 0 is less than 1";
+  if (!(options.optimiser.gradient_tolerance > 0.0)) {
+    return fmt::format("--tolerance: {} is not above 0", options.optimiser.gradient_tolerance);
+  }
+  if (options.samples == 0) return "--samples: 0 is less than 1";
+  return "";
+}
+
+LearningResult learn(const Model& model, std::span<const Evidence> databases, const LearningOptions& options,
+                     Monitor& monitor) {
+  return Learning(model, databases, options, monitor).run();
+}
+
+}  // namespace sherlog

@@ -1,0 +1,21 @@
+// A learned model as text that the parser reads back to the bit.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "learning/weight_table.h"
+#include "mln/model.h"
+
+namespace sherlog {
+
+// The formula of a weight: + variables replaced by their constants. Variables carry a ? where the model writes them so or
+// where a constant has the same name.
+std::string weight_text(const Model& model, const WeightTable& table, std::size_t weight);
+
+// The whole model, includes written out, each soft formula with its weight (shortest decimal that reads back to the same
+// bits); `heading` becomes a comment at the top (without comment signs).
+std::string learned_model_text(const Model& model, const WeightTable& table, std::span<const double> weights,
+                               const std::string& heading);
+
+}  // namespace sherlog

@@ -1,0 +1,25 @@
+#include "learning/methods.h"
+
+namespace sherlog {
+namespace {
+
+constexpr LearningMethod kMethods[] = {
+    {{"pll", "pseudo-log-likelihood of every variable given all others", false}, make_pll},
+    {{"bpll", "the same with the variables of a --block taken jointly", false}, make_bpll},
+    {{"dpll", "pseudo-log-likelihood of the --discriminative predicates", true}, make_dpll},
+};
+
+}  // namespace
+
+std::span<const LearningMethod> learning_method_table() { return kMethods; }
+
+std::span<const LearningMethodInfo> learning_methods() {
+  static const std::vector<LearningMethodInfo> infos = [] {
+    std::vector<LearningMethodInfo> result;
+    for (const LearningMethod& method : kMethods) result.push_back(method.info);
+    return result;
+  }();
+  return infos;
+}
+
+}  // namespace sherlog

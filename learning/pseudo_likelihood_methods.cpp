@@ -1,0 +1,143 @@
+// pll, dpll and bpll: which predicates are opened together, and which of their variables are taken jointly.
+//
+// Idea      Each predicate is opened on its own, all others being evidence: the ground network then has just the
+//           groundings that can change with that predicate's atoms, and joins over the evidence find them.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "learning/conditional_counts.h"
+#include "learning/methods.h"
+#include "learning/pseudo_likelihood.h"
+
+namespace sherlog {
+namespace {
+
+// Predicates that are opened together; `joint`: their variables of equal unmarked arguments are one.
+struct OpenGroup {
+  std::vector<PredicateId> predicates;
+  bool joint = false;
+};
+
+// Variables of the network by their unmarked arguments; only groups of two and more.
+std::vector<std::vector<std::uint32_t>> joint_blocks(const Model& model, const GroundNetwork& network) {
+  std::map<std::vector<ConstantIndex>, std::vector<std::uint32_t>> by_key;
+  for (std::uint32_t v = 0; v < network.variable_count(); ++v) {
+    const AtomId atom = network.first_atom(VariableId(v));
+    const Predicate& predicate = model.predicate(network.predicate_of(atom));
+    const auto arguments = network.arguments_of(atom);
+    std::vector<ConstantIndex> key;
+    for (std::size_t i = 0; i < arguments.size(); ++i) {
+      if (!predicate.marked[i]) key.push_back(arguments[i]);
+    }
+    by_key[key].push_back(v);
+  }
+  std::vector<std::vector<std::uint32_t>> blocks;
+  for (auto& [key, variables] : by_key) {
+    if (variables.size() > 1) blocks.push_back(std::move(variables));
+  }
+  return blocks;
+}
+
+TrainingProblem count(const TrainingSet& set, const Evidence& evidence, const std::vector<OpenGroup>& groups,
+                      const LearningOptions& options, const StopCondition& stop, ConditionalCounts& counts) {
+  const TrueAtoms truth(set.model, evidence);
+  GroundingOptions limits;
+  limits.max_memory = options.max_memory;
+  for (const OpenGroup& group : groups) {
+    std::vector<bool> open(set.model.predicates().size(), false);
+    for (const PredicateId p : group.predicates) open[p.index()] = true;
+    limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
+    Observation observation = observe(set.model, evidence, truth, open, set.weights, limits, stop.monitor());
+    if (!observation.result) return {observation.termination, observation.message};
+    const GroundNetwork& network = observation.result->network;
+    const auto blocks = group.joint ? joint_blocks(set.model, network) : std::vector<std::vector<std::uint32_t>>{};
+    if (!add_conditional_counts(*observation.result, set.weights.size(), blocks, counts)) {
+      return {Termination::kRefused, "--block: a block has more than 65536 joint values; take fewer predicates"};
+    }
+    counts.add_free(0.0, network.free_log_count());
+  }
+  return {};
+}
+
+ObjectiveOrProblem make(const TrainingSet& set, const std::vector<OpenGroup>& groups, const LearningOptions& options,
+                        const StopCondition& stop) {
+  std::vector<ConditionalCounts> by_database(set.databases.size());
+  ConditionalCounts all;
+  TrainingProblem problem = for_each_database(
+      set.databases.size(), options.threads, stop, "counting",
+      [&](std::size_t d) { return count(set, set.databases[d], groups, options, stop, by_database[d]); },
+      [&](std::size_t d) {
+        all.merge(by_database[d]);
+        by_database[d] = ConditionalCounts();
+      });
+  if (problem.termination == Termination::kCompleted && all.memory_bytes() > options.max_memory) {
+    problem = {Termination::kMemoryLimit, "the memory limit was reached while counting"};
+  }
+  if (problem.termination != Termination::kCompleted) return {nullptr, std::move(problem)};
+  return {std::make_unique<PseudoLikelihood>(all, set.weights.size()), {}};
+}
+
+std::vector<OpenGroup> one_by_one(const std::vector<bool>& predicates) {
+  std::vector<OpenGroup> groups;
+  for (std::size_t p = 0; p < predicates.size(); ++p) {
+    if (predicates[p]) groups.push_back({{PredicateId(p)}, false});
+  }
+  return groups;
+}
+
+// The domains of a predicate's unmarked arguments: those of a block's predicates must agree.
+std::vector<DomainId> unmarked_domains(const Predicate& predicate) {
+  std::vector<DomainId> domains;
+  for (std::size_t i = 0; i < predicate.arity(); ++i) {
+    if (!predicate.marked[i]) domains.push_back(predicate.domains[i]);
+  }
+  return domains;
+}
+
+std::string block_problem(const Model& model, const std::vector<PredicateId>& block) {
+  for (const PredicateId p : block) {
+    if (unmarked_domains(model.predicate(p)) == unmarked_domains(model.predicate(block[0]))) continue;
+    return fmt::format("--block: '{}' and '{}' cannot be taken jointly: their arguments have other domains",
+                       model.predicate(block[0]).name, model.predicate(p).name);
+  }
+  return "";
+}
+
+}  // namespace
+
+ObjectiveOrProblem make_pll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+  return make(set, one_by_one(set.mentioned), options, stop);
+}
+
+ObjectiveOrProblem make_dpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+  std::vector<bool> chosen(set.mentioned.size(), false);
+  for (const PredicateId p : options.discriminative) chosen[p.index()] = set.mentioned[p.index()];
+  return make(set, one_by_one(chosen), options, stop);
+}
+
+ObjectiveOrProblem make_bpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+  std::vector<bool> alone = set.mentioned;
+  std::vector<OpenGroup> groups;
+  for (const auto& block : options.blocks) {
+    const std::string problem = block_problem(set.model, block);
+    if (!problem.empty()) return {nullptr, {Termination::kRefused, problem}};
+    OpenGroup group;
+    for (const PredicateId p : block) {
+      if (!set.mentioned[p.index()]) continue;
+      if (!alone[p.index()]) {
+        return {nullptr,
+                {Termination::kRefused, fmt::format("--block: '{}' stands twice", set.model.predicate(p).name)}};
+      }
+      alone[p.index()] = false;
+      group.predicates.push_back(p);
+    }
+    group.joint = group.predicates.size() > 1;
+    if (!group.predicates.empty()) groups.push_back(std::move(group));
+  }
+  for (OpenGroup& single : one_by_one(alone)) groups.push_back(std::move(single));
+  return make(set, groups, options, stop);
+}
+
+}  // namespace sherlog

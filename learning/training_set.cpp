@@ -1,0 +1,51 @@
+#include "learning/training_set.h"
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "mln/shared_domains.h"
+
+namespace sherlog {
+
+TrainingSet::TrainingSet(const Model& given, std::span<const Evidence> given_databases)
+    : model(with_shared_constants(given, given_databases, shared_domains(given))),
+      mentioned(mentioned_predicates(given)),
+      weights(model) {
+  for (const Evidence& evidence : given_databases) databases.push_back(renumbered(evidence, given, model));
+}
+
+TrainingProblem for_each_database(std::size_t count, std::uint32_t threads, const StopCondition& stop,
+                                  std::string_view stage, const std::function<TrainingProblem(std::size_t)>& work,
+                                  const std::function<void(std::size_t)>& collect) {
+  constexpr std::size_t kBatch = 64;
+  if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
+  for (std::size_t begin = 0; begin < count; begin += kBatch) {
+    const std::size_t end = std::min(count, begin + kBatch);
+    std::vector<TrainingProblem> problems(end - begin);
+    std::atomic<std::size_t> next{begin};
+    const auto run = [&] {
+      for (std::size_t d = next++; d < end; d = next++) {
+        if (stop.reached()) {
+          problems[d - begin] = {stop.reason(), "it was stopped while counting"};
+          return;
+        }
+        problems[d - begin] = work(d);
+      }
+    };
+    {
+      std::vector<std::jthread> helpers;
+      for (std::size_t t = 1; t < std::min<std::size_t>(threads, end - begin); ++t) helpers.emplace_back(run);
+      run();
+    }
+    for (std::size_t d = begin; d < end; ++d) {
+      if (problems[d - begin].termination != Termination::kCompleted) return problems[d - begin];
+      collect(d);
+    }
+    if (stop.reached()) return {stop.reason(), "it was stopped while counting"};
+    stop.monitor().progress(stage, static_cast<double>(end), static_cast<double>(count));
+  }
+  return {};
+}
+
+}  // namespace sherlog

@@ -1,0 +1,35 @@
+// All training databases under one model, ready to be counted: the common first half of every method of learning.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "learning/learn.h"
+#include "learning/observed_network.h"
+
+namespace sherlog {
+
+struct TrainingSet {
+  Model model;                      // with all shared constants
+  std::vector<Evidence> databases;  // of that model
+  std::vector<bool> mentioned;      // by predicate: in a formula
+  WeightTable weights;
+
+  TrainingSet(const Model& given, std::span<const Evidence> given_databases);
+};
+
+// What came of work on all databases; the first problem in their order.
+struct TrainingProblem {
+  Termination termination = Termination::kCompleted;
+  std::string message;
+};
+
+// Runs `work(database)` for all databases on `threads` threads, then `collect(database)` in their order on this one, a
+// batch at a time so that only a batch's intermediate results are held.
+TrainingProblem for_each_database(std::size_t count, std::uint32_t threads, const StopCondition& stop,
+                                  std::string_view stage, const std::function<TrainingProblem(std::size_t)>& work,
+                                  const std::function<void(std::size_t)>& collect);
+
+}  // namespace sherlog
