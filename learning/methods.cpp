@@ -7,6 +7,8 @@ constexpr LearningMethod kMethods[] = {
     {{"pll", "pseudo-log-likelihood of every variable given all others", false}, make_pll},
     {{"bpll", "the same with the variables of a --block taken jointly", false}, make_bpll},
     {{"dpll", "pseudo-log-likelihood of the --discriminative predicates", true}, make_dpll},
+    {{"cll", "exact log-likelihood of the --discriminative predicates together, given the rest", true}, make_cll},
+    {{"ll", "exact log-likelihood of the whole database, for small models", false}, make_ll},
 };
 
 }  // namespace

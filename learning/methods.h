@@ -27,4 +27,8 @@ ObjectiveOrProblem make_dpll(const TrainingSet& set, const LearningOptions& opti
 // bpll: atoms of predicates of one block with the same unmarked arguments are one variable.
 ObjectiveOrProblem make_bpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
 
+// cll: the discriminative predicates given the rest; ll: everything. Exact.
+ObjectiveOrProblem make_cll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
+ObjectiveOrProblem make_ll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
+
 }  // namespace sherlog

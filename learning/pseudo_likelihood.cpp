@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "learning/column_signatures.h"
+
 namespace sherlog {
 
 PseudoLikelihood::PseudoLikelihood(const ConditionalCounts& counts, std::size_t weight_count)
@@ -21,12 +23,30 @@ PseudoLikelihood::PseudoLikelihood(const ConditionalCounts& counts, std::size_t 
   rows_.finalize();
   scores_.resize(row_count);
   residual_.resize(row_count);
-  for (const ConditionalCounts::Group& group : groups_) {
+  look_at_columns(counts);
+}
+
+void PseudoLikelihood::look_at_columns(const ConditionalCounts& counts) {
+  std::vector<std::uint64_t> signatures(support_.size(), 0);
+  for (std::size_t g = 0; g < groups_.size(); ++g) {
+    const ConditionalCounts::Group& group = groups_[g];
     if (group.row_count + group.zero_values < 2) continue;  // hard formulas leave one value: nothing is learned
+    // Without a zero row the first row is what the others are compared with.
+    std::uint64_t others = 0;
+    for (std::uint32_t r = 1; r < group.row_count; ++r) others += row_factor(group.first_row + r);
     for (std::uint32_t r = 0; r < group.row_count; ++r) {
-      for (const std::uint32_t column : counts.columns(group.first_row + r)) support_[column] += group.multiplicity;
+      const std::uint32_t row = group.first_row + r;
+      const std::uint64_t factor = r == 0 && group.zero_values == 0 ? 0 - others : row_factor(row);
+      for (std::size_t i = 0; i < counts.columns(row).size(); ++i) {
+        signatures[counts.columns(row)[i]] += signature_term(factor, counts.counts(row)[i]);
+        support_[counts.columns(row)[i]] += group.multiplicity;
+      }
     }
   }
+  for (std::size_t w = 0; w < support_.size(); ++w) {
+    if (signatures[w] == 0) support_[w] = 0.0;
+  }
+  equal_columns_ = equal_signatures(signatures);
 }
 
 double PseudoLikelihood::normalise() {

@@ -29,8 +29,11 @@ class PseudoLikelihood : public Objective {
   double evaluate(std::span<const double> weights, std::span<double> gradient) override;
   Eigen::MatrixXd information(std::span<const double> weights, std::span<const std::uint32_t> subset) override;
   std::span<const double> support() const override { return support_; }
+  std::vector<std::vector<std::uint32_t>> indistinguishable() const override { return equal_columns_; }
 
  private:
+  // Which weights matter, and which are the same: only differences within a group count.
+  void look_at_columns(const ConditionalCounts& counts);
   // Turns scores_ into probabilities by group; returns the value.
   double normalise();
 
@@ -41,6 +44,7 @@ class PseudoLikelihood : public Objective {
   Eigen::VectorXd scores_;    // by row: s, then p
   Eigen::VectorXd residual_;  // by row: m (1[r = obs] - p)
   std::vector<double> support_;
+  std::vector<std::vector<std::uint32_t>> equal_columns_;
 };
 
 }  // namespace sherlog

@@ -1,0 +1,44 @@
+// cll and ll: which predicates are opened together for the exact likelihood.
+#include "learning/joint_likelihood.h"
+#include "learning/methods.h"
+
+namespace sherlog {
+namespace {
+
+ObjectiveOrProblem make(const TrainingSet& set, const std::vector<bool>& open, const LearningOptions& options,
+                        const StopCondition& stop) {
+  std::vector<JointPartsOrProblem> by_database(set.databases.size());
+  std::vector<JointParts> all;
+  TrainingProblem problem = for_each_database(
+      set.databases.size(), options.threads, stop, "counting",
+      [&](std::size_t d) -> TrainingProblem {
+        GroundingOptions limits;
+        limits.max_memory = options.max_memory;
+        limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
+        const TrueAtoms truth(set.model, set.databases[d]);
+        const Observation observation =
+            observe(set.model, set.databases[d], truth, open, set.weights, limits, stop.monitor());
+        if (!observation.result) return {observation.termination, observation.message};
+        InferenceOptions inference;
+        inference.max_memory = options.max_memory;
+        by_database[d] = make_joint_parts(*observation.result, inference, stop);
+        return {by_database[d].termination, by_database[d].message};
+      },
+      [&](std::size_t d) { all.push_back(std::move(by_database[d].parts)); });
+  if (problem.termination != Termination::kCompleted) return {nullptr, std::move(problem)};
+  return {std::make_unique<JointLikelihood>(std::move(all), set.weights.size(), options.threads, stop), {}};
+}
+
+}  // namespace
+
+ObjectiveOrProblem make_cll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+  std::vector<bool> open(set.mentioned.size(), false);
+  for (const PredicateId p : options.discriminative) open[p.index()] = true;
+  return make(set, open, options, stop);
+}
+
+ObjectiveOrProblem make_ll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+  return make(set, std::vector<bool>(set.mentioned.size(), true), options, stop);
+}
+
+}  // namespace sherlog
