@@ -52,21 +52,22 @@ JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const Infe
   return out;
 }
 
-JointLikelihood::JointLikelihood(std::vector<JointParts> databases, std::size_t weight_count, std::uint32_t threads,
+JointLikelihood::JointLikelihood(std::span<const JointParts* const> databases, std::size_t weight_count, std::uint32_t threads,
                                  const StopCondition& stop)
     : support_(weight_count, 0.0),
       threads_(threads != 0 ? threads : std::max(1u, std::thread::hardware_concurrency())),
       stop_(stop) {
   std::int64_t row_count = 0, entry_count = 0;
-  for (const JointParts& parts : databases) {
-    row_count += parts.row_count;
-    entry_count += static_cast<std::int64_t>(parts.entries.size());
+  for (const JointParts* parts : databases) {
+    row_count += parts->row_count;
+    entry_count += static_cast<std::int64_t>(parts->entries.size());
   }
   rows_.resize(row_count, static_cast<std::int64_t>(weight_count));
   rows_.reserve(entry_count);
   observed_ = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(weight_count));
   std::int64_t first = 0;
-  for (JointParts& parts : databases) {
+  for (const JointParts* pointer : databases) {
+    const JointParts& parts = *pointer;
     std::size_t next = 0;
     for (std::uint32_t row = 0; row < parts.row_count; ++row) {
       rows_.startVec(first + row);
@@ -84,11 +85,10 @@ JointLikelihood::JointLikelihood(std::vector<JointParts> databases, std::size_t 
     }
     for (const auto& [weight, count] : parts.observed) observed_[weight] += count;
     for (std::size_t s = 0; s < parts.sums.size(); ++s) {
-      parts_.push_back({std::move(parts.sums[s]), first + parts.first_row[s]});
+      parts_.push_back({&parts.sums[s], first + parts.first_row[s]});
     }
     first += parts.row_count;
     free_log_count_ += parts.free_log_count;
-    parts = JointParts();
   }
   rows_.finalize();
   potentials_.resize(row_count);
@@ -102,8 +102,8 @@ void JointLikelihood::sum_all() {
   const auto run = [&] {
     for (std::size_t p = next++; p < parts_.size(); p = next++) {
       const Part& part = parts_[p];
-      const std::size_t count = part.sum.entry_count();
-      terminations_[p] = part.sum.sum({potentials_.data() + part.first_row, count}, log_partitions_[p],
+      const std::size_t count = part.sum->entry_count();
+      terminations_[p] = part.sum->sum({potentials_.data() + part.first_row, count}, log_partitions_[p],
                                       {beliefs_.data() + part.first_row, count}, stop_);
       if (terminations_[p] != Termination::kCompleted) return;
     }

@@ -48,7 +48,8 @@ JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const Infe
 
 class JointLikelihood : public Objective {
  public:
-  JointLikelihood(std::vector<JointParts> databases, std::size_t weight_count, std::uint32_t threads,
+  // The parts must outlive this, and no two objectives over the same parts may be evaluated at the same time.
+  JointLikelihood(std::span<const JointParts* const> databases, std::size_t weight_count, std::uint32_t threads,
                   const StopCondition& stop);
 
   std::size_t dimension() const override { return support_.size(); }
@@ -65,7 +66,7 @@ class JointLikelihood : public Objective {
 
   using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor, std::int64_t>;
   struct Part {
-    ComponentSum sum;
+    const ComponentSum* sum;
     std::int64_t first_row;
   };
   std::vector<Part> parts_;

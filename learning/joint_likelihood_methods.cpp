@@ -5,8 +5,27 @@
 namespace sherlog {
 namespace {
 
-ObjectiveOrProblem make(const TrainingSet& set, const std::vector<bool>& open, const LearningOptions& options,
-                        const StopCondition& stop) {
+class PreparedJoint : public PreparedData {
+ public:
+  PreparedJoint(std::vector<JointParts> parts, std::size_t weight_count, std::uint32_t threads,
+                const StopCondition& stop)
+      : parts_(std::move(parts)), weight_count_(weight_count), threads_(threads), stop_(stop) {}
+
+  std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) override {
+    std::vector<const JointParts*> chosen;
+    for (const std::uint32_t d : databases) chosen.push_back(&parts_[d]);
+    return std::make_unique<JointLikelihood>(chosen, weight_count_, threads_, stop_);
+  }
+
+ private:
+  std::vector<JointParts> parts_;  // by database
+  std::size_t weight_count_;
+  std::uint32_t threads_;
+  StopCondition stop_;
+};
+
+PreparedOrProblem prepare(const TrainingSet& set, const std::vector<bool>& open, const LearningOptions& options,
+                          const StopCondition& stop) {
   std::vector<JointPartsOrProblem> by_database(set.databases.size());
   std::vector<JointParts> all;
   TrainingProblem problem = for_each_database(
@@ -17,7 +36,7 @@ ObjectiveOrProblem make(const TrainingSet& set, const std::vector<bool>& open, c
         limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
         const TrueAtoms truth(set.model, set.databases[d]);
         const Observation observation =
-            observe(set.model, set.databases[d], truth, open, set.weights, limits, stop.monitor());
+            observe(set.model, set.databases[d], truth, open, {}, set.weights, limits, stop.monitor());
         if (!observation.result) return {observation.termination, observation.message};
         InferenceOptions inference;
         inference.max_memory = options.max_memory;
@@ -26,19 +45,20 @@ ObjectiveOrProblem make(const TrainingSet& set, const std::vector<bool>& open, c
       },
       [&](std::size_t d) { all.push_back(std::move(by_database[d].parts)); });
   if (problem.termination != Termination::kCompleted) return {nullptr, std::move(problem)};
-  return {std::make_unique<JointLikelihood>(std::move(all), set.weights.size(), options.threads, stop), {}};
+  return {std::make_unique<PreparedJoint>(std::move(all), set.weights.size(), options.threads, stop), {}};
 }
 
 }  // namespace
 
-ObjectiveOrProblem make_cll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+PreparedOrProblem prepare_cll(const TrainingSet& set, const LearningOptions& options, bool,
+                              const StopCondition& stop) {
   std::vector<bool> open(set.mentioned.size(), false);
   for (const PredicateId p : options.discriminative) open[p.index()] = true;
-  return make(set, open, options, stop);
+  return prepare(set, open, options, stop);
 }
 
-ObjectiveOrProblem make_ll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
-  return make(set, std::vector<bool>(set.mentioned.size(), true), options, stop);
+PreparedOrProblem prepare_ll(const TrainingSet& set, const LearningOptions& options, bool, const StopCondition& stop) {
+  return prepare(set, std::vector<bool>(set.mentioned.size(), true), options, stop);
 }
 
 }  // namespace sherlog

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "learning/learned_model.h"
 #include "learning/methods.h"
@@ -14,13 +15,6 @@ namespace sherlog {
 namespace {
 
 constexpr std::size_t kMostErrors = 4000;  // standard errors take the cube of this
-
-const LearningMethod* find_method_named(std::string_view name) {
-  for (const LearningMethod& method : learning_method_table()) {
-    if (method.info.name == name) return &method;
-  }
-  return nullptr;
-}
 
 class Learning {
  public:
@@ -73,41 +67,27 @@ class Learning {
   }
 
   void work() {
-    ObjectiveOrProblem made = find_method_named(options_.method)->make(set_, options_, stop_);
+    PreparedOrProblem made = find_learning_method(options_.method)->prepare(set_, options_, false, stop_);
     result_.seconds.count = stop_.seconds();
-    if (!made.objective) {
+    if (!made.data) {
       fail(made.problem.termination, std::move(made.problem.message));
       return;
     }
-    Objective& objective = *made.objective;
-    prepare(objective);
-    OptimiserResult best = maximise(objective, start_, free_, priors_, options_.optimiser, stop_);
-    result_.seconds.optimise = stop_.seconds() - result_.seconds.count;
-    report(best, objective);
-    if (options_.standard_errors && result_.termination == Termination::kCompleted) add_errors(best, objective);
-  }
-
-  void prepare(const Objective& objective) {
-    const std::size_t count = set_.weights.size();
-    std::vector<Prior> by_formula(set_.model.formulas().size(), options_.prior);
-    for (const auto& [formula, prior] : options_.formula_priors) by_formula[formula.index()] = prior;
-    for (std::size_t w = 0; w < count; ++w) {
-      const Formula& formula = set_.model.formula(set_.weights.formula(w));
-      const Prior& prior = by_formula[set_.weights.formula(w).index()];
-      const bool identified = objective.support()[w] > 0.0;
+    std::vector<std::uint32_t> all(set_.databases.size());
+    std::iota(all.begin(), all.end(), 0u);
+    const std::unique_ptr<Objective> objective = made.data->objective(all);
+    start_ = starting_point(set_, options_, *objective);
+    for (std::size_t w = 0; w < set_.weights.size(); ++w) {
       LearnedWeight weight;
-      weight.fixed = formula.fixed;
-      weight.identified = identified || formula.fixed;
-      double value = formula.has_weight ? formula.weight : 0.0;
-      if (!identified && !formula.fixed) {  // the prior alone decides
-        if (prior.precision() > 0.0) value = prior.mean;
-        if (prior.l1 > 0.0 && prior.precision() == 0.0) value = 0.0;
-      }
-      priors_.push_back(prior);
-      start_.push_back(value);
-      free_.push_back(identified && !formula.fixed);
+      weight.fixed = set_.model.formula(set_.weights.formula(w)).fixed;
+      weight.identified = weight.fixed || objective->support()[w] > 0.0;
       result_.weights.push_back(weight);
     }
+    OptimiserResult best =
+        maximise(*objective, start_.weights, start_.free, start_.priors, options_.optimiser, stop_);
+    result_.seconds.optimise = stop_.seconds() - result_.seconds.count;
+    report(best, *objective);
+    if (options_.standard_errors && result_.termination == Termination::kCompleted) add_errors(best, *objective);
   }
 
   void report(const OptimiserResult& best, const Objective& objective) {
@@ -121,8 +101,8 @@ class Learning {
     double prior_of_rest = 0.0;  // what is not free has a prior as well, where it is not fixed
     for (std::size_t w = 0; w < best.weights.size(); ++w) {
       result_.weights[w].weight = best.weights[w];
-      if (!free_[w] && !result_.weights[w].fixed) {
-        prior_of_rest += priors_[w].log_density(best.weights[w]) - priors_[w].l1 * std::abs(best.weights[w]);
+      if (!start_.free[w] && !result_.weights[w].fixed) {
+        prior_of_rest += start_.priors[w].log_density(best.weights[w]) - start_.priors[w].l1 * std::abs(best.weights[w]);
       }
     }
     result_.objective = best.objective;
@@ -169,8 +149,8 @@ class Learning {
   // The inverse of the information at the optimum, the prior's included.
   void add_errors(const OptimiserResult& best, Objective& objective) {
     std::vector<std::uint32_t> subset;
-    for (std::uint32_t w = 0; w < free_.size(); ++w) {
-      if (free_[w] && !(priors_[w].l1 > 0.0 && best.weights[w] == 0.0)) subset.push_back(w);
+    for (std::uint32_t w = 0; w < start_.free.size(); ++w) {
+      if (start_.free[w] && !(start_.priors[w].l1 > 0.0 && best.weights[w] == 0.0)) subset.push_back(w);
     }
     if (subset.size() > kMostErrors) {
       result_.warnings.push_back(
@@ -180,7 +160,7 @@ class Learning {
     }
     Eigen::MatrixXd information = objective.information(best.weights, subset);
     for (std::size_t i = 0; i < subset.size(); ++i) {
-      information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) += priors_[subset[i]].precision();
+      information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) += start_.priors[subset[i]].precision();
     }
     const Eigen::LDLT<Eigen::MatrixXd> factor(information);
     const double largest = information.diagonal().size() > 0 ? information.diagonal().maxCoeff() : 0.0;
@@ -200,9 +180,7 @@ class Learning {
   StopCondition stop_;
   TrainingSet set_;
   LearningResult result_;
-  std::vector<double> start_;
-  std::vector<bool> free_;
-  std::vector<Prior> priors_;
+  StartingPoint start_;
 };
 
 std::string prior_problem(const Prior& prior) {
@@ -218,8 +196,28 @@ std::string prior_problem(const Prior& prior) {
 
 }  // namespace
 
+StartingPoint starting_point(const TrainingSet& set, const LearningOptions& options, const Objective& objective) {
+  StartingPoint result;
+  std::vector<Prior> by_formula(set.model.formulas().size(), options.prior);
+  for (const auto& [formula, prior] : options.formula_priors) by_formula[formula.index()] = prior;
+  for (std::size_t w = 0; w < set.weights.size(); ++w) {
+    const Formula& formula = set.model.formula(set.weights.formula(w));
+    const Prior& prior = by_formula[set.weights.formula(w).index()];
+    const bool identified = objective.support()[w] > 0.0;
+    double value = formula.has_weight ? formula.weight : 0.0;
+    if (!identified && !formula.fixed) {  // the prior alone decides
+      if (prior.precision() > 0.0) value = prior.mean;
+      if (prior.l1 > 0.0 && prior.precision() == 0.0) value = 0.0;
+    }
+    result.priors.push_back(prior);
+    result.weights.push_back(value);
+    result.free.push_back(identified && !formula.fixed);
+  }
+  return result;
+}
+
 std::string validate(const LearningOptions& options) {
-  const LearningMethod* method = find_method_named(options.method);
+  const LearningMethod* method = find_learning_method(options.method);
   if (method == nullptr) {
     std::string names;
     for (const LearningMethodInfo& info : learning_methods()) names += (names.empty() ? "" : ", ") + std::string(info.name);

@@ -4,16 +4,23 @@ namespace sherlog {
 namespace {
 
 constexpr LearningMethod kMethods[] = {
-    {{"pll", "pseudo-log-likelihood of every variable given all others", false}, make_pll},
-    {{"bpll", "the same with the variables of a --block taken jointly", false}, make_bpll},
-    {{"dpll", "pseudo-log-likelihood of the --discriminative predicates", true}, make_dpll},
-    {{"cll", "exact log-likelihood of the --discriminative predicates together, given the rest", true}, make_cll},
-    {{"ll", "exact log-likelihood of the whole database, for small models", false}, make_ll},
+    {{"pll", "pseudo-log-likelihood of every variable given all others", false}, prepare_pll},
+    {{"bpll", "the same with the variables of a --block taken jointly", false}, prepare_bpll},
+    {{"dpll", "pseudo-log-likelihood of the --discriminative predicates", true}, prepare_dpll},
+    {{"cll", "exact log-likelihood of the --discriminative predicates together, given the rest", true}, prepare_cll},
+    {{"ll", "exact log-likelihood of the whole database, for small models", false}, prepare_ll},
 };
 
 }  // namespace
 
 std::span<const LearningMethod> learning_method_table() { return kMethods; }
+
+const LearningMethod* find_learning_method(std::string_view name) {
+  for (const LearningMethod& method : kMethods) {
+    if (method.info.name == name) return &method;
+  }
+  return nullptr;
+}
 
 std::span<const LearningMethodInfo> learning_methods() {
   static const std::vector<LearningMethodInfo> infos = [] {

@@ -9,26 +9,43 @@
 
 namespace sherlog {
 
-struct ObjectiveOrProblem {
-  std::unique_ptr<Objective> objective;
+// The training databases counted once; an objective for some of them is then cheap.
+class PreparedData {
+ public:
+  virtual ~PreparedData() = default;
+  // Numbers of databases; where they were not kept separate: all or nothing. The PreparedData outlives the objective.
+  virtual std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) = 0;
+};
+
+struct PreparedOrProblem {
+  std::unique_ptr<PreparedData> data;
   TrainingProblem problem;
 };
 
+// `separate`: keep the databases apart, for cross-validation; else their common counts are all that is held.
 struct LearningMethod {
   LearningMethodInfo info;
-  ObjectiveOrProblem (*make)(const TrainingSet&, const LearningOptions&, const StopCondition&);
+  PreparedOrProblem (*prepare)(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);
 };
 
 std::span<const LearningMethod> learning_method_table();
+const LearningMethod* find_learning_method(std::string_view name);
+
+// Where the optimiser starts, by weight: the model's weights; what the data says nothing about is at its prior's mode.
+struct StartingPoint {
+  std::vector<double> weights;
+  std::vector<bool> free;
+  std::vector<Prior> priors;
+};
+StartingPoint starting_point(const TrainingSet& set, const LearningOptions& options, const Objective& objective);
 
 // pll and dpll: one term for each variable of the mentioned / discriminative predicates.
-ObjectiveOrProblem make_pll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
-ObjectiveOrProblem make_dpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
+PreparedOrProblem prepare_pll(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);
+PreparedOrProblem prepare_dpll(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);
 // bpll: atoms of predicates of one block with the same unmarked arguments are one variable.
-ObjectiveOrProblem make_bpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
-
+PreparedOrProblem prepare_bpll(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);
 // cll: the discriminative predicates given the rest; ll: everything. Exact.
-ObjectiveOrProblem make_cll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
-ObjectiveOrProblem make_ll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop);
+PreparedOrProblem prepare_cll(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);
+PreparedOrProblem prepare_ll(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);
 
 }  // namespace sherlog

@@ -129,7 +129,7 @@ std::string training_problem(const Model& model, const Evidence& evidence, const
 }
 
 Observation observe(const Model& model, const Evidence& evidence, const TrueAtoms& truth, const std::vector<bool>& open,
-                    const WeightTable& weights, const GroundingOptions& limits, Monitor& monitor) {
+                    const Query& query, const WeightTable& weights, const GroundingOptions& limits, Monitor& monitor) {
   Observation out;
   GroundingOptions options = limits;
   options.keep_zero_weights = true;
@@ -137,7 +137,7 @@ Observation observe(const Model& model, const Evidence& evidence, const TrueAtom
   for (std::size_t p = 0; p < open.size(); ++p) {
     if (open[p]) options.open_world.push_back(PredicateId(p));
   }
-  GroundingResult grounded = ground(model, without(evidence, open), Query{}, options, monitor);
+  GroundingResult grounded = ground(model, without(evidence, open), query, options, monitor);
   out.termination = grounded.termination;
   out.message = grounded.message;
   if (grounded.conflict) out.message = conflict_sentence(*grounded.conflict);

@@ -47,8 +47,9 @@ struct Observation {
   std::optional<ObservedNetwork> result;  // where completed
 };
 
+// `query`: atoms of open predicates that are asked for, as in ground().
 // Errors: limits of grounding; kNoPossibleWorld where the database breaks a hard formula, with the ground formula.
 Observation observe(const Model& model, const Evidence& evidence, const TrueAtoms& truth, const std::vector<bool>& open,
-                    const WeightTable& weights, const GroundingOptions& limits, Monitor& monitor);
+                    const Query& query, const WeightTable& weights, const GroundingOptions& limits, Monitor& monitor);
 
 }  // namespace sherlog

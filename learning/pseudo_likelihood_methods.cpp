@@ -49,7 +49,7 @@ TrainingProblem count(const TrainingSet& set, const Evidence& evidence, const st
     std::vector<bool> open(set.model.predicates().size(), false);
     for (const PredicateId p : group.predicates) open[p.index()] = true;
     limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
-    Observation observation = observe(set.model, evidence, truth, open, set.weights, limits, stop.monitor());
+    Observation observation = observe(set.model, evidence, truth, open, {}, set.weights, limits, stop.monitor());
     if (!observation.result) return {observation.termination, observation.message};
     const GroundNetwork& network = observation.result->network;
     const auto blocks = group.joint ? joint_blocks(set.model, network) : std::vector<std::vector<std::uint32_t>>{};
@@ -61,22 +61,47 @@ TrainingProblem count(const TrainingSet& set, const Evidence& evidence, const st
   return {};
 }
 
-ObjectiveOrProblem make(const TrainingSet& set, const std::vector<OpenGroup>& groups, const LearningOptions& options,
-                        const StopCondition& stop) {
+class PreparedCounts : public PreparedData {
+ public:
+  // One entry for each database, or one for all of them.
+  PreparedCounts(std::vector<ConditionalCounts> counts, std::size_t weight_count)
+      : counts_(std::move(counts)), weight_count_(weight_count) {}
+
+  std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) override {
+    if (counts_.size() == 1) return std::make_unique<PseudoLikelihood>(counts_[0], weight_count_);
+    ConditionalCounts chosen;
+    for (const std::uint32_t d : databases) chosen.merge(counts_[d]);
+    return std::make_unique<PseudoLikelihood>(chosen, weight_count_);
+  }
+
+ private:
+  std::vector<ConditionalCounts> counts_;
+  std::size_t weight_count_;
+};
+
+PreparedOrProblem prepare(const TrainingSet& set, const std::vector<OpenGroup>& groups, const LearningOptions& options,
+                          bool separate, const StopCondition& stop) {
   std::vector<ConditionalCounts> by_database(set.databases.size());
-  ConditionalCounts all;
+  std::vector<ConditionalCounts> kept(separate ? 0 : 1);
+  std::size_t bytes = 0;
   TrainingProblem problem = for_each_database(
       set.databases.size(), options.threads, stop, "counting",
       [&](std::size_t d) { return count(set, set.databases[d], groups, options, stop, by_database[d]); },
       [&](std::size_t d) {
-        all.merge(by_database[d]);
+        if (separate) {
+          bytes += by_database[d].memory_bytes();
+          kept.push_back(std::move(by_database[d]));
+          return;
+        }
+        kept[0].merge(by_database[d]);
         by_database[d] = ConditionalCounts();
+        bytes = kept[0].memory_bytes();
       });
-  if (problem.termination == Termination::kCompleted && all.memory_bytes() > options.max_memory) {
+  if (problem.termination == Termination::kCompleted && bytes > options.max_memory) {
     problem = {Termination::kMemoryLimit, "the memory limit was reached while counting"};
   }
   if (problem.termination != Termination::kCompleted) return {nullptr, std::move(problem)};
-  return {std::make_unique<PseudoLikelihood>(all, set.weights.size()), {}};
+  return {std::make_unique<PreparedCounts>(std::move(kept), set.weights.size()), {}};
 }
 
 std::vector<OpenGroup> one_by_one(const std::vector<bool>& predicates) {
@@ -107,17 +132,20 @@ std::string block_problem(const Model& model, const std::vector<PredicateId>& bl
 
 }  // namespace
 
-ObjectiveOrProblem make_pll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
-  return make(set, one_by_one(set.mentioned), options, stop);
+PreparedOrProblem prepare_pll(const TrainingSet& set, const LearningOptions& options, bool separate,
+                              const StopCondition& stop) {
+  return prepare(set, one_by_one(set.mentioned), options, separate, stop);
 }
 
-ObjectiveOrProblem make_dpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+PreparedOrProblem prepare_dpll(const TrainingSet& set, const LearningOptions& options, bool separate,
+                               const StopCondition& stop) {
   std::vector<bool> chosen(set.mentioned.size(), false);
   for (const PredicateId p : options.discriminative) chosen[p.index()] = set.mentioned[p.index()];
-  return make(set, one_by_one(chosen), options, stop);
+  return prepare(set, one_by_one(chosen), options, separate, stop);
 }
 
-ObjectiveOrProblem make_bpll(const TrainingSet& set, const LearningOptions& options, const StopCondition& stop) {
+PreparedOrProblem prepare_bpll(const TrainingSet& set, const LearningOptions& options, bool separate,
+                              const StopCondition& stop) {
   std::vector<bool> alone = set.mentioned;
   std::vector<OpenGroup> groups;
   for (const auto& block : options.blocks) {
@@ -137,7 +165,7 @@ ObjectiveOrProblem make_bpll(const TrainingSet& set, const LearningOptions& opti
     if (!group.predicates.empty()) groups.push_back(std::move(group));
   }
   for (OpenGroup& single : one_by_one(alone)) groups.push_back(std::move(single));
-  return make(set, groups, options, stop);
+  return prepare(set, groups, options, separate, stop);
 }
 
 }  // namespace sherlog
