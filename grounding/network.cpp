@@ -140,6 +140,21 @@ std::size_t GroundNetwork::memory_bytes() const {
          bytes_of(component_queries_);
 }
 
+GroundNetwork reweighted(const GroundNetwork& network, std::span<const double> weight_by_id) {
+  assert(weight_by_id.size() == network.weights().size());
+  GroundNetwork copy = network;
+  for (Feature& feature : copy.features_) {
+    if (feature.weight_id == kVirtualEvidence) continue;
+    const double weight = feature.count * weight_by_id[feature.weight_id.index()];
+    const double before = feature.weight;
+    feature.weight = feature.turned ? -weight : weight;
+    // w * [!x] = w - w * [x]
+    if (feature.turned) copy.constant_score_ += before - feature.weight;
+  }
+  for (std::size_t i = 0; i < copy.weights_.size(); ++i) copy.weights_[i].weight = weight_by_id[i];
+  return copy;
+}
+
 // --- NetworkBuilder --------------------------------------------------------------------------------------------------
 
 NetworkBuilder::NetworkBuilder(NameTable names) { network_.names_ = std::move(names); }

@@ -176,6 +176,7 @@ class GroundNetwork {
 
  private:
   friend class NetworkBuilder;
+  friend GroundNetwork reweighted(const GroundNetwork& network, std::span<const double> weight_by_id);
   std::vector<std::uint32_t> first_atom_{0};  // variable_count + 1 entries
   std::vector<bool> has_none_;
   std::vector<std::uint32_t> atom_variable_, atom_predicate_, atom_arguments_start_;
@@ -201,6 +202,12 @@ class GroundNetwork {
   std::vector<std::uint32_t> component_features_, component_constraints_, component_queries_;
   NameTable names_;
 };
+
+// A copy with other weights: `weight_by_id` has one for each of network.weights(), and every feature that comes from a
+// formula gets count times its own. Soft evidence keeps its weights. constant_score moves with the features whose literal
+// was turned round, so that differences of scores between worlds, and between weights as far as they concern features, are
+// right; what grounding decided (ground formulas that are true in every world) stays in it at the old weights.
+GroundNetwork reweighted(const GroundNetwork& network, std::span<const double> weight_by_id);
 
 // Makes a GroundNetwork piece by piece. Gates are simplified and shared as they are made.
 class NetworkBuilder {

@@ -57,6 +57,32 @@ TEST(NetworkBuilder, EqualFeaturesOfOneWeightAreMerged) {
   EXPECT_DOUBLE_EQ(network.constant_score(), 1.0);
 }
 
+TEST(GroundNetwork, ReweightedScoresAWorldAsIfGroundedWithTheNewWeights) {
+  const auto build = [](double first, double second) {
+    NetworkBuilder b;
+    const Literal x = value(b, b.add_boolean(), 0), y = value(b, b.add_boolean(), 0);
+    const WeightId v = b.add_weight({FormulaId(0), {}, first}), w = b.add_weight({FormulaId(1), {}, second});
+    std::vector<Literal> both{x, y};
+    const Literal any = b.make_or(both);
+    b.add_feature(any, first, v);
+    b.add_feature(any, first, v);
+    b.add_feature(~x, second, w);
+    b.add_feature(~any, first, v);
+    b.add_feature(y, 0.75, kVirtualEvidence);
+    return b.build();
+  };
+  const GroundNetwork expected = build(-2.0, 0.5);
+  const std::vector<double> weights{-2.0, 0.5};
+  const GroundNetwork network = reweighted(build(1.5, -1.0), weights);
+  ASSERT_EQ(network.features().size(), expected.features().size());
+  for (std::size_t f = 0; f < expected.features().size(); ++f) {
+    EXPECT_EQ(network.features()[f].literal, expected.features()[f].literal);
+    EXPECT_DOUBLE_EQ(network.features()[f].weight, expected.features()[f].weight);
+  }
+  EXPECT_DOUBLE_EQ(network.constant_score(), expected.constant_score());
+  EXPECT_DOUBLE_EQ(network.weights()[1].weight, 0.5);
+}
+
 TEST(NetworkBuilder, AHardConjunctionIsSplitAndDoesNotJoinComponents) {
   NetworkBuilder b;
   const Literal x = value(b, b.add_boolean(), 0), y = value(b, b.add_boolean(), 0);
