@@ -260,6 +260,7 @@ class Compiler {
   struct Root {
     Literal literal;
     double when_true = 0.0, when_false = 0.0;
+    std::uint32_t recorded = kNone;  // a feature to be noted, not weighed; then when_true = 1 and when_false = 0
   };
 
   void collect_roots() {
@@ -271,8 +272,10 @@ class Compiler {
     for (const std::uint32_t f : network_.component_features(component_)) {
       const Feature& feature = network_.features()[f];
       const Truth t = truth(feature.literal);
-      if (t == Truth::kTrue) graph_.constant += feature.weight;
-      if (t == Truth::kOpen) roots_.push_back({feature.literal, feature.weight, 0.0});
+      const std::uint32_t recorded = options_.keep_features ? f : kNone;
+      const double weight = options_.keep_features ? 1.0 : feature.weight;
+      if (t == Truth::kTrue) add_constant(weight, recorded);
+      if (t == Truth::kOpen) roots_.push_back({feature.literal, weight, 0.0, recorded});
     }
     for (const Root& root : roots_) {
       if (!root.literal.is_gate()) continue;
@@ -290,7 +293,7 @@ class Compiler {
 
   void add_root(const Root& root) {
     if (root.literal.is_atom()) {
-      add_unary(test_of(root.literal), root.when_true, root.when_false);
+      add_unary(test_of(root.literal), root.when_true, root.when_false, root.recorded);
       return;
     }
     const GateInfo& gate = info(root.literal.gate());
@@ -301,30 +304,32 @@ class Compiler {
       std::vector<double> table(gate.joint);
       for (std::size_t i = 0; i < table.size(); ++i)
         table[i] = (bits[i / 64] >> (i % 64) & 1u) != 0 ? when_true : when_false;
-      add_table(gate.support, table);
+      add_table(gate.support, table, root.recorded);
       return;
     }
     std::vector<ValueTest> tests = input_tests(gate.id);
     if (network_.gate_kind(gate.id) == GateKind::kIff) {
-      add_binary(tests[0], tests[1], [&](bool a, bool b) { return a == b ? when_true : when_false; });
+      add_binary(
+          tests[0], tests[1], [&](bool a, bool b) { return a == b ? when_true : when_false; }, root.recorded);
       return;
     }
     if (network_.gate_kind(gate.id) == GateKind::kAtMostOne) {
-      add_unary(at_most_one_test(std::move(tests)), when_true, when_false);
+      add_unary(at_most_one_test(std::move(tests)), when_true, when_false, root.recorded);
       return;
     }
     const bool always = !join_tests(tests);
     if (always) {
-      graph_.constant += when_true;
+      add_constant(when_true, root.recorded);
     } else if (tests.empty()) {
-      graph_.constant += when_false;
+      add_constant(when_false, root.recorded);
     } else {
       const ValueTest last = tests.back();
       tests.pop_back();
       if (tests.empty()) {
-        add_unary(last, when_true, when_false);
+        add_unary(last, when_true, when_false, root.recorded);
       } else {
-        add_binary(chain(tests, false), last, [&](bool a, bool b) { return a || b ? when_true : when_false; });
+        add_binary(
+            chain(tests, false), last, [&](bool a, bool b) { return a || b ? when_true : when_false; }, root.recorded);
       }
     }
   }
@@ -692,29 +697,38 @@ class Compiler {
   }
 
   // --- tables
+  // A value is added to the score, or, for a feature to be recorded, 1 says where it is true.
 
-  void add_unary(const ValueTest& test, double when_true, double when_false) {
+  void add_constant(double value, std::uint32_t recorded) {
+    if (recorded == kNone) {
+      graph_.constant += value;
+    } else if (value != 0.0) {
+      graph_.true_features.push_back(recorded);
+    }
+  }
+
+  void add_unary(const ValueTest& test, double when_true, double when_false, std::uint32_t recorded = kNone) {
     if (test.is_constant()) {
-      graph_.constant += test.value() ? when_true : when_false;
+      add_constant(test.value() ? when_true : when_false, recorded);
       return;
     }
     std::vector<double> table;
     for (const std::uint8_t accepted : test.accepted) table.push_back(accepted != 0 ? when_true : when_false);
-    add_table({test.variable}, table);
+    add_table({test.variable}, table, recorded);
   }
 
   template <class Value>
-  void add_binary(ValueTest a, ValueTest b, Value value) {
+  void add_binary(ValueTest a, ValueTest b, Value value, std::uint32_t recorded = kNone) {
     if (a.is_constant()) std::swap(a, b);  // the values asked for are symmetric
     if (b.is_constant()) {
-      add_unary(a, value(true, b.value()), value(false, b.value()));
+      add_unary(a, value(true, b.value()), value(false, b.value()), recorded);
       return;
     }
     if (a.variable == b.variable) {
       std::vector<double> table;
       for (std::size_t k = 0; k < a.accepted.size(); ++k)
         table.push_back(value(a.accepted[k] != 0, b.accepted[k] != 0));
-      add_table({a.variable}, table);
+      add_table({a.variable}, table, recorded);
       return;
     }
     if (large_pair(a, b)) {
@@ -725,11 +739,12 @@ class Compiler {
     for (const std::uint8_t x : a.accepted) {
       for (const std::uint8_t y : b.accepted) table.push_back(value(x != 0, y != 0));
     }
-    add_table({a.variable, b.variable}, table);
+    add_table({a.variable, b.variable}, table, recorded);
   }
 
   // Adds the table to the one over the same variables. The scope may come in any order.
-  void add_table(const std::vector<std::uint32_t>& scope, const std::vector<double>& table) {
+  void add_table(const std::vector<std::uint32_t>& scope, const std::vector<double>& table,
+                 std::uint32_t recorded = kNone) {
     std::vector<std::uint32_t> sorted = scope;
     std::sort(sorted.begin(), sorted.end());
     const auto [it, fresh] = table_of_.emplace(sorted, static_cast<std::uint32_t>(graph_.tables.size()));
@@ -739,22 +754,34 @@ class Compiler {
       graph_.table_bytes += table.size() * sizeof(double) + 200;
     }
     std::vector<double>& target = graph_.tables[it->second];
-    if (sorted == scope) {
-      for (std::size_t i = 0; i < table.size(); ++i) target[i] += table[i];
-      return;
-    }
+    FactorGraph::OpenFeature open{recorded, it->second, {}};
+    const bool in_order = sorted == scope;
     for (std::size_t i = 0; i < table.size(); ++i) {
-      std::size_t rest = i, index = 0;
-      for (std::size_t d = scope.size(); d-- > 0;) {
-        const std::size_t value = rest % graph_.cardinalities[scope[d]];
-        rest /= graph_.cardinalities[scope[d]];
-        std::size_t stride = 1;
-        for (std::size_t e = sorted.size(); sorted[e - 1] != scope[d]; --e)
-          stride *= graph_.cardinalities[sorted[e - 1]];
-        index += value * stride;
+      const std::size_t index = in_order ? i : index_in(sorted, scope, i);
+      if (recorded == kNone) {
+        target[index] += table[i];
+      } else if (table[i] != 0.0) {
+        open.entries.push_back(static_cast<std::uint32_t>(index));
       }
-      target[index] += table[i];
     }
+    if (recorded == kNone) return;
+    std::sort(open.entries.begin(), open.entries.end());
+    graph_.table_bytes += open.entries.size() * sizeof(std::uint32_t) + sizeof(open);
+    graph_.features.push_back(std::move(open));
+  }
+
+  // Where entry `i` of a table over `scope` stands in the one over the same variables sorted.
+  std::size_t index_in(const std::vector<std::uint32_t>& sorted, const std::vector<std::uint32_t>& scope,
+                       std::size_t i) const {
+    std::size_t index = 0;
+    for (std::size_t d = scope.size(); d-- > 0;) {
+      const std::size_t value = i % graph_.cardinalities[scope[d]];
+      i /= graph_.cardinalities[scope[d]];
+      std::size_t stride = 1;
+      for (std::size_t e = sorted.size(); sorted[e - 1] != scope[d]; --e) stride *= graph_.cardinalities[sorted[e - 1]];
+      index += value * stride;
+    }
+    return index;
   }
 
   const GroundNetwork& network_;

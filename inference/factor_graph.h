@@ -42,6 +42,13 @@ struct FactorGraph {
     std::vector<std::uint32_t> values;
   };
 
+  // A feature that is neither true nor false in every world, with FactorGraphOptions::keep_features.
+  struct OpenFeature {
+    std::uint32_t feature = 0;           // index into network.features()
+    std::uint32_t scope = 0;             // of the table that it would weigh
+    std::vector<std::uint32_t> entries;  // of that table: where its literal is true; increasing
+  };
+
   bool possible = true;                            // false: propagation alone found a contradiction
   std::vector<std::uint32_t> conflict;             // then: constraints that take part in it
   bool too_large = false;                          // the tables alone exceed the memory limit
@@ -52,6 +59,8 @@ struct FactorGraph {
   std::vector<std::vector<double>> tables;         // natural logarithms, the last variable runs fastest
   std::vector<Binding> bindings;                   // in the order of network.component_variables()
   std::vector<ValueTest> queries;                  // in the order of network.component_queries()
+  std::vector<OpenFeature> features;               // with keep_features only, in the order of the network
+  std::vector<std::uint32_t> true_features;        // with keep_features only: true in every world, in no special order
   std::size_t table_bytes = 0;
 };
 
@@ -62,6 +71,9 @@ struct FactorGraphOptions {
   // A formula over at most so many joint values becomes one table. Larger: wider tables; smaller: more auxiliary
   // variables.
   std::uint64_t small_joint = 64;
+  // Features add no weight, neither to tables nor to `constant`; FactorGraph::features says where they would. For those
+  // who change weights and keep the rest.
+  bool keep_features = false;
 };
 
 FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component,

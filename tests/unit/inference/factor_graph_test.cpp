@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -94,6 +95,54 @@ TEST(FactorGraph, WithTablesForWholeFormulasEqualsEnumeration) { expect_enumerat
 TEST(FactorGraph, WithTheUsualMixtureEqualsEnumeration) { expect_enumeration(64); }
 TEST(FactorGraph, WithTheSmallestTablesEqualsEnumeration) { expect_enumeration(1); }
 TEST(FactorGraph, WithSmallFunctionsInsideEqualsEnumeration) { expect_enumeration(8); }
+
+// Weighing the noted entries afterwards is the same as weighing while compiling.
+TEST(FactorGraph, KeptFeaturesKnowWhereTheyAreTrue) {
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  std::size_t open = 0, decided = 0;
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE("network " + std::to_string(seed));
+    std::mt19937_64 random(seed);
+    oracle::RandomNetworkOptions options;
+    options.variables = 3 + static_cast<std::uint32_t>(random() % 7);
+    options.constraints = static_cast<std::uint32_t>(random() % 6);
+    options.max_inputs = 2 + static_cast<std::uint32_t>(random() % 7);
+    const GroundNetwork network = oracle::random_network(random, options);
+    FactorGraphOptions compilation;
+    compilation.small_joint = std::array<std::uint64_t, 3>{1, 8, 64}[seed % 3];
+    for (std::size_t c = 0; c < network.component_count(); ++c) {
+      compilation.keep_features = false;
+      const FactorGraph weighed = compile_factor_graph(network, ComponentId(c), compilation);
+      compilation.keep_features = true;
+      FactorGraph kept = compile_factor_graph(network, ComponentId(c), compilation);
+      ASSERT_EQ(kept.possible, weighed.possible);
+      if (!kept.possible) continue;
+      EXPECT_EQ(kept.scopes, weighed.scopes);
+      for (const auto& table : kept.tables) {
+        for (const double value : table) EXPECT_TRUE(value == 0.0 || value < -1e300) << value;
+      }
+      for (const auto& f : kept.features) {
+        ++open;
+        EXPECT_TRUE(std::is_sorted(f.entries.begin(), f.entries.end()));
+        for (const std::uint32_t entry : f.entries) kept.tables[f.scope][entry] += network.features()[f.feature].weight;
+      }
+      for (const std::uint32_t f : kept.true_features) {
+        ++decided;
+        kept.constant += network.features()[f].weight;
+      }
+      EXPECT_NEAR(kept.constant, weighed.constant, 1e-12);
+      for (std::size_t t = 0; t < kept.tables.size(); ++t) {
+        for (std::size_t i = 0; i < kept.tables[t].size(); ++i) {
+          const double a = kept.tables[t][i], b = weighed.tables[t][i];
+          EXPECT_TRUE(a == b || std::abs(a - b) < 1e-12) << "table " << t << " entry " << i << ": " << a << ", " << b;
+        }
+      }
+    }
+  }
+  EXPECT_GT(open, 500u);
+  EXPECT_GT(decided, 20u);
+}
 
 TEST(FactorGraph, ALongDisjunctionIsAChain) {
   NetworkBuilder builder;
