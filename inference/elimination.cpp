@@ -220,9 +220,10 @@ class TwoPasses {
     return true;
   }
 
-  bool downward() {
+  bool downward(bool with_table_marginals) {
     const auto buckets = tree_.buckets();
     result_.marginals.resize(tree_.variable_count());
+    if (with_table_marginals) result_.table_marginals.resize(log_tables_.size());
     // A root's message is a number; its belief needs no more than its own product.
     std::vector<bool> is_root(buckets.size(), true);
     for (const auto& bucket : buckets) {
@@ -233,6 +234,7 @@ class TwoPasses {
     for (std::size_t b = buckets.size(); b-- > 0;) {
       if (should_stop(b) || !join(b, !is_root[b])) return false;
       believe(b);
+      if (with_table_marginals) project_on_tables(b);
       answer_children(b);
     }
     return true;
@@ -379,6 +381,15 @@ class TwoPasses {
     for (std::size_t i = 0; i < size; ++i) belief[i] /= sum;
   }
 
+  void project_on_tables(std::size_t b) {
+    for (const auto& input : tree_.inputs(tree_.buckets()[b])) {
+      if (input.is_message) continue;
+      auto& marginal = result_.table_marginals[input.index];
+      marginal.assign(tree_.table_sizes()[input.index], 0.0);
+      sum_onto(tree_.loops(input), joined_.data(), marginal.data());
+    }
+  }
+
   // Overwrites each child's message with what the rest of the tree knows and the child does not.
   void answer_children(std::size_t b) {
     for (const auto& input : tree_.inputs(tree_.buckets()[b])) {
@@ -410,10 +421,13 @@ class TwoPasses {
 };
 
 template <bool kLogarithms>
-SumProductResult finish(TwoPasses<kLogarithms>& passes, bool possible, bool with_marginals) {
+SumProductResult finish(TwoPasses<kLogarithms>& passes, bool possible, bool with_marginals, bool with_table_marginals) {
   SumProductResult& result = passes.result();
-  if (possible && with_marginals) passes.downward();
-  if (result.termination != Termination::kCompleted || !possible) result.marginals.clear();
+  if (possible && (with_marginals || with_table_marginals)) passes.downward(with_table_marginals);
+  if (result.termination != Termination::kCompleted || !possible) {
+    result.marginals.clear();
+    result.table_marginals.clear();
+  }
   result.in_logarithms = kLogarithms;
   return std::move(result);
 }
@@ -421,20 +435,20 @@ SumProductResult finish(TwoPasses<kLogarithms>& passes, bool possible, bool with
 }  // namespace
 
 SumProductResult sum_product(const BucketTree& tree, const LogTables& tables, const StopCondition& stop,
-                             bool with_marginals) {
+                             bool with_marginals, bool with_table_marginals) {
   {
     TwoPasses<false> passes(tree, tables, stop);
     const bool possible = passes.upward();
-    if (!passes.underflow()) return finish(passes, possible, with_marginals);
+    if (!passes.underflow()) return finish(passes, possible, with_marginals, with_table_marginals);
   }
-  return sum_product_in_logarithms(tree, tables, stop, with_marginals);
+  return sum_product_in_logarithms(tree, tables, stop, with_marginals, with_table_marginals);
 }
 
 SumProductResult sum_product_in_logarithms(const BucketTree& tree, const LogTables& tables, const StopCondition& stop,
-                                           bool with_marginals) {
+                                           bool with_marginals, bool with_table_marginals) {
   TwoPasses<true> passes(tree, tables, stop);
   const bool possible = passes.upward();
-  return finish(passes, possible, with_marginals);
+  return finish(passes, possible, with_marginals, with_table_marginals);
 }
 
 MaxSumResult max_sum(const BucketTree& tree, const LogTables& tables, const StopCondition& stop) {

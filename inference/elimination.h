@@ -98,14 +98,16 @@ struct SumProductResult {
   Termination termination = Termination::kCompleted;  // or kInterrupted, kTimeLimit
   double log_partition = 0.0;                         // -infinity: nothing is possible, and there are no marginals
   std::vector<std::vector<double>> marginals;         // [variable][value]
+  std::vector<std::vector<double>> table_marginals;   // [table][entry]: probability of that joint value of its scope
   bool in_logarithms = false;                         // plain products might have underflowed
 };
 
+// `with_table_marginals` asks for the others too.
 SumProductResult sum_product(const BucketTree& tree, const LogTables& tables, const StopCondition& stop,
-                             bool with_marginals = true);
+                             bool with_marginals = true, bool with_table_marginals = false);
 // The second way of sum_product, on logarithms throughout.
 SumProductResult sum_product_in_logarithms(const BucketTree& tree, const LogTables& tables, const StopCondition& stop,
-                                           bool with_marginals = true);
+                                           bool with_marginals = true, bool with_table_marginals = false);
 
 struct MaxSumResult {
   Termination termination = Termination::kCompleted;

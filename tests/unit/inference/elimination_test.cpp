@@ -133,6 +133,47 @@ TEST(Elimination, HugeWeightsAreSummedInLogarithms) {
   EXPECT_GT(in_logarithms, 50);
 }
 
+// By table, as enumeration has them.
+std::vector<std::vector<double>> table_marginals(const Case& c, const Enumerated& all) {
+  std::vector<std::vector<double>> out;
+  for (const auto& table : c.tables) out.emplace_back(table.size(), 0.0);
+  std::vector<std::uint32_t> values(c.cardinalities.size(), 0);
+  for (const double log_value : all.log_values) {
+    for (std::size_t t = 0; t < c.tables.size(); ++t) {
+      std::size_t index = 0;
+      for (const std::uint32_t v : c.scopes[t]) index = index * c.cardinalities[v] + values[v];
+      out[t][index] += std::exp(log_value - all.log_partition);
+    }
+    for (std::size_t d = values.size(); d > 0 && ++values[d - 1] == c.cardinalities[d - 1];) values[--d] = 0;
+  }
+  return out;
+}
+
+TEST(Elimination, TableMarginalsEqualEnumerationInPlainNumbersAndLogarithms) {
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  int possible = 0;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    SCOPED_TRACE(seed);
+    const Case c = random_case(seed, 3.0);
+    const Enumerated all = enumerate(c);
+    if (all.maximum == -kInfinity) continue;
+    ++possible;
+    const auto expected = table_marginals(c, all);
+    for (const SumProductResult& result : {sum_product(tree_of(c), c.tables, stop, true, true),
+                                           sum_product_in_logarithms(tree_of(c), c.tables, stop, false, true)}) {
+      ASSERT_EQ(result.table_marginals.size(), expected.size());
+      for (std::size_t t = 0; t < expected.size(); ++t) {
+        ASSERT_EQ(result.table_marginals[t].size(), expected[t].size());
+        for (std::size_t i = 0; i < expected[t].size(); ++i) {
+          EXPECT_NEAR(result.table_marginals[t][i], expected[t][i], 1e-11) << "table " << t << " entry " << i;
+        }
+      }
+    }
+  }
+  EXPECT_GT(possible, 100);
+}
+
 TEST(Elimination, MaximumEqualsEnumerationAndIsAttained) {
   Monitor monitor;
   const StopCondition stop(monitor);
