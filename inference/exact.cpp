@@ -16,72 +16,13 @@
 
 #include "inference/conflict.h"
 #include "inference/elimination.h"
-#include "inference/elimination_order.h"
-#include "inference/factor_graph.h"
+#include "inference/prepared_component.h"
 
 namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// All joined tables together may have 2^5 times the entries of the largest one allowed: about half of that is stored as
-// messages (2 GB at the default of 2^24).
-constexpr double kTotalMargin = 5.0;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-// A component compiled and ordered, but not yet computed.
-struct Prepared {
-  FactorGraph graph;
-  EliminationOrder order;
-  double bytes = 0.0;  // of tables, messages and scratch
-};
-
-Prepared prepare(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
-                 std::span<const double> atom_bias, bool with_queries) {
-  Prepared out;
-  out.graph = compile_factor_graph(network, component, {atom_bias, with_queries, options.max_memory});
-  if (!out.graph.possible || out.graph.too_large) return out;
-  OrderLimits limits;
-  limits.max_table_log2 = options.max_table_log2;
-  out.order = find_elimination_order(out.graph.cardinalities, out.graph.scopes, limits, out.graph.sweep);
-  // Tables twice (logarithms and plain numbers), the largest joined table twice (with its separator), and the
-  // messages, which are at most half of all joined tables.
-  out.bytes = 2.0 * static_cast<double>(out.graph.table_bytes) +
-              sizeof(double) * (2.0 * std::exp2(out.order.largest_log2) + 0.5 * std::exp2(out.order.total_log2));
-  return out;
-}
-
-bool narrow_enough(const Prepared& prepared, const InferenceOptions& options) {
-  return prepared.order.complete && prepared.order.largest_log2 <= options.max_table_log2 &&
-         prepared.order.largest_log2 < BucketTree::kMaxJoinedLog2 &&
-         prepared.order.total_log2 <= options.max_table_log2 + kTotalMargin;
-}
-
-// "its largest table would have 2^97 entries (limit 2^24)"
-std::string how_wide(const EliminationOrder& order, double limit) {
-  const double largest = std::ceil(order.largest_log2 - 1e-9), total = std::ceil(order.total_log2 - 1e-9);
-  if (!order.complete) {
-    return fmt::format("its largest table would have at least 2^{:g} entries (limit 2^{:g})", std::max(largest, limit),
-                       limit);
-  }
-  if (order.largest_log2 > limit)
-    return fmt::format("its largest table would have 2^{:g} entries (limit 2^{:g})", largest, limit);
-  return fmt::format("its tables would have 2^{:g} entries together (limit 2^{:g})", total, limit + kTotalMargin);
-}
-
-// "1,234,567"
-std::string grouped(std::size_t count) {
-  std::string digits = std::to_string(count);
-  for (std::size_t i = digits.size(); i > 3;) {
-    i -= 3;
-    digits.insert(i, ",");
-  }
-  return digits;
-}
-
-std::string describe(const GroundNetwork& network, ComponentId component) {
-  return fmt::format("component {} ({} variables)", component.value + 1,
-                     grouped(network.component_variables(component).size()));
-}
 
 struct Answer {
   bool started = false;
@@ -153,7 +94,8 @@ class ExactRun {
   Answer answer(ComponentId component) {
     Answer out;
     out.started = true;
-    const Prepared prepared = prepare(context_.network, component, context_.options, context_.atom_bias, !for_map_);
+    const PreparedComponent prepared = prepare_component(context_.network, component, context_.options,
+                                                         {context_.atom_bias, !for_map_, context_.options.max_memory});
     if (!prepared.graph.possible) {
       return impossible(prepared.graph.conflict);
     }
@@ -167,8 +109,8 @@ class ExactRun {
       }
     } catch (const std::bad_alloc&) {
       out.termination = Termination::kMemoryLimit;
-      out.message = fmt::format("the machine has no memory for {} ({:.0f} MB)", describe(context_.network, component),
-                                std::ceil(prepared.bytes / 1e6));
+      out.message = fmt::format("the machine has no memory for {} ({:.0f} MB)",
+                                describe_component(context_.network, component), std::ceil(prepared.bytes / 1e6));
     }
     gate_.leave(prepared.bytes);
     if (out.termination == Termination::kCompleted && out.log_partition == -kInfinity) {
@@ -187,27 +129,17 @@ class ExactRun {
     return out;
   }
 
-  bool refuse(ComponentId component, const Prepared& prepared, Answer& out) const {
-    const InferenceOptions& options = context_.options;
-    const bool tables_too_large = prepared.graph.too_large;
-    if (!tables_too_large && !narrow_enough(prepared, options)) {
-      out.termination = Termination::kTooWide;
-      out.message = fmt::format("{} is too wide for exact: {}; use --method {}", describe(context_.network, component),
-                                how_wide(prepared.order, options.max_table_log2), for_map_ ? "map" : "mcsat");
-      return true;
-    }
-    if (tables_too_large || prepared.bytes > static_cast<double>(options.max_memory)) {
-      const double bytes = std::max(prepared.bytes, static_cast<double>(prepared.graph.table_bytes));
-      out.termination = Termination::kMemoryLimit;
-      out.message = fmt::format("{} needs {}{:.0f} MB for exact, which exceeds the memory limit",
-                                describe(context_.network, component), tables_too_large ? "more than " : "",
-                                std::ceil(bytes / 1e6));
-      return true;
-    }
-    return false;
+  bool refuse(ComponentId component, const PreparedComponent& prepared, Answer& out) const {
+    Obstacle found = obstacle(context_.network, component, prepared, context_.options);
+    if (found.termination == Termination::kCompleted) return false;
+    out.termination = found.termination;
+    out.message = std::move(found.message);
+    if (out.termination == Termination::kTooWide)
+      out.message += for_map_ ? "; use --method map" : "; use --method mcsat";
+    return true;
   }
 
-  void sum(const Prepared& prepared, Answer& out) const {
+  void sum(const PreparedComponent& prepared, Answer& out) const {
     const FactorGraph& graph = prepared.graph;
     const BucketTree tree(graph.cardinalities, graph.scopes, prepared.order.order);
     const SumProductResult result = sum_product(tree, graph.tables, context_.stop, !graph.queries.empty());
@@ -225,7 +157,7 @@ class ExactRun {
     }
   }
 
-  void maximise(const Prepared& prepared, ComponentId component, Answer& out) const {
+  void maximise(const PreparedComponent& prepared, ComponentId component, Answer& out) const {
     const FactorGraph& graph = prepared.graph;
     const BucketTree tree(graph.cardinalities, graph.scopes, prepared.order.order);
     const MaxSumResult result = max_sum(tree, graph.tables, context_.stop);
@@ -310,10 +242,10 @@ class ExactRun {
       result.map_bound = kInfinity;
     }
     if (result.termination == Termination::kTooWide || result.termination == Termination::kMemoryLimit) {
-      if (too_large > 1) result.message += fmt::format(" ({} more likewise)", grouped(too_large - 1));
+      if (too_large > 1) result.message += fmt::format(" ({} more likewise)", grouped_digits(too_large - 1));
     } else if (result.message.empty()) {
-      result.message =
-          fmt::format("stopped with {} of {} components answered", grouped(answered), grouped(answers_.size()));
+      result.message = fmt::format("stopped with {} of {} components answered", grouped_digits(answered),
+                                   grouped_digits(answers_.size()));
     }
   }
 
@@ -331,7 +263,7 @@ MethodResult run_exact(const MethodContext& context) { return ExactRun(context, 
 MethodResult run_exact_map(const MethodContext& context) { return ExactRun(context, true).run(); }
 
 ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options) {
-  const Prepared prepared = prepare(network, component, options, {}, true);
+  const PreparedComponent prepared = prepare_component(network, component, options, {{}, true, options.max_memory});
   ExactCost cost;
   cost.possible = prepared.graph.possible;
   cost.largest_log2 = prepared.order.largest_log2;

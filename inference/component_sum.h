@@ -1,0 +1,94 @@
+// The partition sum and beliefs of one component for many weight vectors: compiled once, summed often.
+//
+// Idea      Learning changes weights and leaves the structure alone. The component is compiled without its features'
+//           weights (FactorGraphOptions::keep_features): its tables hold what hard constraints say, and every feature
+//           knows at which table entries it is true. A caller turns weights into one number for each entry (the sum of
+//           weight over the features that are true there), gets log Z and the probability of each entry back, and an
+//           expected count is the sum of a feature's entries' probabilities: the gradient of log Z.
+//           The sum is made in the cheapest way there is: over a list of all possible worlds where they are few,
+//           by elimination (elimination.h) where that is narrow enough.
+// Layout    Entries of all tables stand one after the other, 0 .. entry_count() - 1.
+// Errors    compile_component_sum says kNoPossibleWorld (with constraints that take part), kTooWide or kMemoryLimit.
+// Cost      sum: O(worlds x tables) for few worlds, without an allocation; else that of sum_product.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "grounding/network.h"
+#include "inference/elimination.h"
+#include "inference/inference.h"
+#include "mln/monitor.h"
+
+namespace sherlog {
+
+struct CompiledComponent;
+
+class ComponentSum {
+ public:
+  // A feature that is true in some worlds and false in others.
+  struct Feature {
+    std::uint32_t feature = 0;  // index into network.features()
+    std::uint32_t entry_begin = 0, entry_end = 0;
+  };
+
+  std::size_t entry_count() const { return static_.size(); }
+  std::span<const Feature> features() const { return features_; }
+  // Where the feature is true: entries of one table, so exactly one or none of them holds in a world.
+  std::span<const std::uint32_t> entries(const Feature& f) const {
+    return {feature_entries_.data() + f.entry_begin, f.entry_end - f.entry_begin};
+  }
+  // Indices into network.features(): true in every possible world of the component. What is in neither list is false in
+  // every one.
+  std::span<const std::uint32_t> true_features() const { return true_features_; }
+
+  // log_partition: log of the sum over the component's worlds that meet its constraints of
+  // exp(sum of log_potentials at the entries that hold), plus the bias given at compilation. Features add nothing of
+  // their own: those in true_features() are left to the caller.
+  // beliefs: probability of each entry, as many as entry_count(); empty: not wanted.
+  // Returns kCompleted, kTimeLimit, kInterrupted, or kNoPossibleWorld where log_potentials of -infinity leave no world.
+  // Scratch is kept in the object: different objects may be summed at the same time, one object may not.
+  Termination sum(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
+                  const StopCondition& stop) const;
+
+ private:
+  friend class ComponentSumCompiler;
+  Termination sum_worlds(std::span<const double> log_potentials, double& log_partition,
+                         std::span<double> beliefs) const;
+  Termination sum_by_elimination(std::span<const double> log_potentials, double& log_partition,
+                                 std::span<double> beliefs, const StopCondition& stop) const;
+  void fill_tables(std::span<const double> log_potentials) const;
+
+  std::vector<double> static_;  // by entry: what does not change
+  std::vector<Feature> features_;
+  std::vector<std::uint32_t> feature_entries_, true_features_;
+  double constant_ = 0.0;
+  std::size_t table_count_ = 0;
+
+  bool listed_ = false;                       // worlds are listed
+  std::vector<std::uint32_t> world_entries_;  // world after world: one entry of each table
+  std::vector<double> world_static_;          // by world
+  mutable std::vector<double> world_score_;
+
+  BucketTree tree_;           // where they are not
+  mutable LogTables tables_;  // static_ plus log_potentials
+};
+
+// Either a sum or the reason why there is none.
+struct CompiledComponent {
+  std::optional<ComponentSum> sum;
+  Termination termination = Termination::kCompleted;  // or kNoPossibleWorld, kTooWide, kMemoryLimit, or as stopped
+  std::string message;                                // then: a sentence
+  std::vector<std::uint32_t> conflict;                // kNoPossibleWorld: constraints that take part, not made small
+};
+
+// `options`: max_table_log2 and max_memory. `atom_bias`: by atom of the network, or empty.
+CompiledComponent compile_component_sum(const GroundNetwork& network, ComponentId component,
+                                        const InferenceOptions& options, const StopCondition& stop,
+                                        std::span<const double> atom_bias = {});
+
+}  // namespace sherlog
