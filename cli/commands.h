@@ -14,6 +14,7 @@ void add_ground(CLI::App& app, Action& action);
 void add_infer(CLI::App& app, Action& action);
 void add_explain(CLI::App& app, Action& action);
 void add_learn(CLI::App& app, Action& action);
+void add_xval(CLI::App& app, Action& action);
 void add_convert(CLI::App& app, Action& action);
 
 }  // namespace sherlog::cli
