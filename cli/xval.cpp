@@ -22,6 +22,7 @@ struct Arguments {
   std::uint32_t folds = 5;
   std::string fold_file;
   std::vector<std::string> tuning;
+  std::string tuning_method;
   std::uint32_t tuning_folds = 4, tuning_rounds = 1;
   std::string csv, latex, svg, html, predictions;
 };
@@ -202,6 +203,7 @@ int run_xval(const Arguments& arguments) {
   options.seed = arguments.options.seed;
   options.learning = *learning_chosen;
   options.inference = session.inference_options();
+  options.tuning_method = arguments.tuning_method;
   options.tuning_folds = arguments.tuning_folds;
   options.tuning_rounds = arguments.tuning_rounds;
   for (const std::string& text : arguments.tuning) {
@@ -243,6 +245,10 @@ void add_xval(CLI::App& app, Action& action) {
                    "best in a cross-validation inside each fold's training databases; repeatable")
       ->allow_extra_args(false)
       ->type_name("F=X,..");
+  command
+      ->add_option("--tune-method", arguments->tuning_method,
+                   "Method of learning inside that search, e.g. dpll where cll is slow (default: that of --method)")
+      ->type_name("METHOD");
   command->add_option("--tune-folds", arguments->tuning_folds, "Folds of that inner cross-validation (default 4)")
       ->check(CLI::Range(2u, 1000000u).description(""))
       ->type_name("K");

@@ -91,6 +91,19 @@ class CrossValidation {
     PreparedOrProblem made = find_learning_method(learning_.method)->prepare(set_, learning_, true, stop_);
     if (!made.data) return fail(std::move(made.problem));
     data_ = std::move(made.data);
+    tuning_data_ = data_.get();
+    if (!options_.tuning.empty() && !options_.tuning_method.empty() && options_.tuning_method != learning_.method) {
+      LearningOptions tuning = learning_;
+      tuning.method = options_.tuning_method;
+      tuning.discriminative.clear();
+      const LearningMethod* method = find_learning_method(tuning.method);
+      if (method != nullptr && method->info.discriminative) tuning.discriminative = {options_.target};
+      if (std::string problem = validate(tuning); !problem.empty()) return fail(Termination::kRefused, problem);
+      PreparedOrProblem second = method->prepare(set_, tuning, true, stop_);
+      if (!second.data) return fail(std::move(second.problem));
+      own_tuning_data_ = std::move(second.data);
+      tuning_data_ = own_tuning_data_.get();
+    }
     tasks_.resize(set_.databases.size());
     GroundingOptions limits;
     limits.max_memory = learning_.max_memory;
@@ -151,7 +164,7 @@ class CrossValidation {
     LearningOptions chosen = learning_;
     if (!tune(train, chosen, fold)) return false;
     std::vector<double> weights;
-    if (!fit(train, chosen, weights, fold.converged)) return false;
+    if (!fit(*data_, train, chosen, weights, fold.converged)) return false;
     fold.train_seconds = stop_.seconds() - start;
     std::vector<Prediction> predictions;
     if (!predict_all(test, weights, predictions)) return false;
@@ -169,8 +182,9 @@ class CrossValidation {
     return true;
   }
 
-  bool fit(const Databases& train, const LearningOptions& learning, std::vector<double>& weights, bool& converged) {
-    const std::unique_ptr<Objective> objective = data_->objective(train);
+  bool fit(PreparedData& data, const Databases& train, const LearningOptions& learning, std::vector<double>& weights,
+           bool& converged) {
+    const std::unique_ptr<Objective> objective = data.objective(train);
     const StartingPoint start = starting_point(set_, learning, *objective);
     const OptimiserResult best =
         maximise(*objective, start.weights, start.free, start.priors, learning.optimiser, stop_);
@@ -200,7 +214,7 @@ class CrossValidation {
                                                               static_cast<std::uint32_t>(train.size()));
     const std::vector<std::uint32_t> inner = deal_folds(train.size(), inner_folds, options_.seed);
     fold.stdevs.clear();
-    for (const TuningGroup& group : options_.tuning) fold.stdevs.push_back(group.stdevs[group.stdevs.size() / 2]);
+    for (const TuningGroup& group : options_.tuning) fold.stdevs.push_back(group.stdevs.front());
     for (std::uint32_t round = 0; round < options_.tuning_rounds; ++round) {
       for (std::size_t g = 0; g < options_.tuning.size(); ++g) {
         double best_loss = std::numeric_limits<double>::infinity(), best = fold.stdevs[g];
@@ -241,7 +255,8 @@ class CrossValidation {
       for (std::size_t i = 0; i < train.size(); ++i) (inner[i] == f ? part : rest).push_back(train[i]);
       std::vector<double> weights;
       bool converged = false;
-      if (!fit(rest, learning, weights, converged) || !predict_all(part, weights, predictions)) return false;
+      if (!fit(*tuning_data_, rest, learning, weights, converged)) return false;
+      if (!predict_all(part, weights, predictions)) return false;
     }
     loss = evaluate(result_.labels, predictions).log_loss;
     return true;
@@ -251,7 +266,8 @@ class CrossValidation {
   LearningOptions learning_;
   StopCondition stop_;
   TrainingSet set_;
-  std::unique_ptr<PreparedData> data_;
+  std::unique_ptr<PreparedData> data_, own_tuning_data_;
+  PreparedData* tuning_data_ = nullptr;
   std::vector<PredictionTask> tasks_;  // by database
   std::vector<std::uint32_t> fold_of_;
   CrossValidationResult result_;

@@ -21,7 +21,7 @@
 
 namespace sherlog {
 
-// Formulas that share a prior, and the standard deviations to choose from.
+// Formulas that share a prior, and the standard deviations to choose from. Until its turn comes a group has the first.
 struct TuningGroup {
   std::vector<FormulaId> formulas;
   std::vector<double> stdevs;
@@ -35,6 +35,7 @@ struct CrossValidationOptions {
   LearningOptions learning;            // .discriminative is set to the target where the method wants it
   InferenceOptions inference;
   std::vector<TuningGroup> tuning;
+  std::string tuning_method;           // of the inner learning; empty: the same
   std::uint32_t tuning_folds = 4;
   std::uint32_t tuning_rounds = 1;     // through all groups
 };

@@ -205,10 +205,8 @@ StartingPoint starting_point(const TrainingSet& set, const LearningOptions& opti
     const Prior& prior = by_formula[set.weights.formula(w).index()];
     const bool identified = objective.support()[w] > 0.0;
     double value = formula.has_weight ? formula.weight : 0.0;
-    if (!identified && !formula.fixed) {  // the prior alone decides
-      if (prior.precision() > 0.0) value = prior.mean;
-      if (prior.l1 > 0.0 && prior.precision() == 0.0) value = 0.0;
-    }
+    // Where the data is silent the prior alone decides, and where there is none the model.
+    if (!identified && !formula.fixed && (prior.precision() > 0.0 || prior.l1 > 0.0)) value = prior.mode();
     result.priors.push_back(prior);
     result.weights.push_back(value);
     result.free.push_back(identified && !formula.fixed);
