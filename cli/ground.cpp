@@ -123,11 +123,12 @@ Json ground_json(const Model& model, const GroundingResult& result, const std::v
   return json;
 }
 
-std::string exported(const GroundNetwork& network, const std::string& format) {
+// The text; or nothing, and `problem` says why.
+std::string exported(const GroundNetwork& network, const std::string& format, std::optional<std::string>& problem) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
-  if (format == "wcnf") export_wcnf(network, out);
-  if (format == "uai") export_uai(network, out);
+  if (format == "wcnf") problem = export_wcnf(network, out);
+  if (format == "uai") problem = export_uai(network, out);
   if (format == "graphml") export_graphml(network, out);
   if (format == "dot") export_dot(network, out);
   return std::move(out).str();
@@ -169,7 +170,13 @@ int run_ground(Options options, const Export& wanted) {
     documents.push_back(ground_json(*model, result, conflict));
     if (code == kDone) code = exit_code(result.termination);
     if (!wanted.format.empty() && result.network) {
-      if (const auto problem = write_to(wanted.output, exported(*result.network, wanted.format))) {
+      std::optional<std::string> unfit;
+      const std::string network_text = exported(*result.network, wanted.format, unfit);
+      if (unfit) {
+        session.error(*unfit);
+        return kBadInput;
+      }
+      if (const auto problem = write_to(wanted.output, network_text)) {
         session.error(*problem);
         return kInternalError;
       }

@@ -17,6 +17,12 @@
 namespace sherlog {
 namespace {
 
+double sum_of_weights(const GroundNetwork& network) {
+  double sum = 0;
+  for (const Feature& feature : network.features()) sum += std::abs(feature.weight);
+  return sum;
+}
+
 // The gates that the literals of features and constraints lead to; those of queries alone are left out.
 std::vector<bool> needed_gates(const GroundNetwork& network) {
   std::vector<bool> needed(network.gate_count(), false);
@@ -65,10 +71,9 @@ class WcnfWriter {
 
   // The finest power of ten up to a million at which all weights together stay far below 2^63.
   static double choose_scale(const GroundNetwork& network) {
-    double sum = 0;
-    for (const Feature& feature : network.features()) sum += std::abs(feature.weight);
     double scale = 1e6;
-    while (scale > 1 && sum * scale > 0x1p60) scale /= 10;
+    const double sum = sum_of_weights(network);
+    while (std::isfinite(sum) && sum * scale > 0x1p60) scale /= 10;
     return scale;
   }
 
@@ -145,11 +150,19 @@ class UaiWriter {
     for (std::size_t v = 0; v < network.variable_count(); ++v) sizes_.push_back(network.value_count(VariableId(v)));
   }
 
+  // More tables than anybody can read would be needed.
+  bool too_heavy() const {
+    double pieces = pieces_of(network_.constant_score() + network_.free_log_count());
+    for (const Feature& feature : network_.features()) pieces += std::max(1.0, pieces_of(feature.weight)) - 1;
+    return !(pieces <= kMaxPieces);
+  }
+
   void write(std::ostream& out) {
     for (const Feature& feature : network_.features()) add_feature(feature);
     for (const Constraint& constraint : network_.constraints()) {
       add_literal(constraint.literal, [](bool truth) { return truth ? 1.0 : 0.0; });
     }
+    add_constant(network_.constant_score() + network_.free_log_count());
     out << "MARKOV\n" << sizes_.size() << '\n';
     for (std::size_t i = 0; i < sizes_.size(); ++i) out << (i == 0 ? "" : " ") << sizes_[i];
     out << '\n' << factors_.size() << '\n';
@@ -168,6 +181,8 @@ class UaiWriter {
 
  private:
   static constexpr std::uint32_t kUnset = 0xffffffffu;
+  static constexpr double kMaxPieces = 1e5;        // of huge weights, all together
+  static constexpr double kMaxExponent = 500;      // exp of more could be no double, or 0
   static constexpr double kMaxDirectTable = 1024;  // beyond it auxiliary variables are the smaller file
 
   struct Factor {
@@ -201,13 +216,23 @@ class UaiWriter {
     factors_.push_back(std::move(factor));
   }
 
+  // exp(weight) of a very large weight is no double: exp(w / n) n times.
+  static double pieces_of(double weight) { return std::ceil(std::abs(weight) / kMaxExponent); }
+
   void add_feature(const Feature& feature) {
-    // exp(weight) of a very large weight is no double: exp(w / n) n times.
-    const int pieces = std::max(1, static_cast<int>(std::ceil(std::abs(feature.weight) / 500)));
+    const int pieces = std::max(1, static_cast<int>(pieces_of(feature.weight)));
     const double entry = std::exp(feature.weight / pieces);
     for (int i = 0; i < pieces; ++i) {
       add_literal(feature.literal, [entry](bool truth) { return truth ? entry : 1.0; });
     }
+  }
+
+  // The same entry whatever the world; over the first variable, because not every reader knows tables over none.
+  void add_constant(double log_value) {
+    const int pieces = static_cast<int>(pieces_of(log_value));
+    std::vector<std::uint32_t> scope;
+    if (!sizes_.empty()) scope.push_back(0);
+    for (int i = 0; i < pieces; ++i) add_factor(scope, [&](const Values&) { return std::exp(log_value / pieces); });
   }
 
   void add_literal(Literal literal, const std::function<double(bool)>& entry) {
@@ -365,9 +390,22 @@ FactorGraph factor_graph(const GroundNetwork& network) {
 
 }  // namespace
 
-void export_wcnf(const GroundNetwork& network, std::ostream& out) { WcnfWriter(network).write(out); }
+std::optional<std::string> export_wcnf(const GroundNetwork& network, std::ostream& out) {
+  if (!std::isfinite(sum_of_weights(network)) || !std::isfinite(network.constant_score())) {
+    return "the weights of ground formulas add up to more than a number can hold";
+  }
+  WcnfWriter(network).write(out);
+  return std::nullopt;
+}
 
-void export_uai(const GroundNetwork& network, std::ostream& out) { UaiWriter(network).write(out); }
+std::optional<std::string> export_uai(const GroundNetwork& network, std::ostream& out) {
+  UaiWriter writer(network);
+  if (writer.too_heavy()) {
+    return "the weights are too large for 'uai', which has room for exp(weight) only; export 'wcnf' instead";
+  }
+  writer.write(out);
+  return std::nullopt;
+}
 
 void export_graphml(const GroundNetwork& network, std::ostream& out) {
   FactorGraph graph = factor_graph(network);

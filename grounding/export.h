@@ -11,21 +11,25 @@
 //           where its literal is true, else 1; weights beyond 500 are spread over several tables) and for each constraint
 //           (1 or 0); one for each auxiliary variable (1 where it equals its gate). A literal over few variables gets
 //           its table directly, others go through auxiliary variables. The last variable of a scope runs fastest.
-//           The partition function of the file:  log Z = constant_score + free_log_count + log Z(file).
+//           The constant score and the atoms that nothing mentions are a table as well, of one number over the first variable
+//           (over none in a network without variables): the file's partition function is the model's.
 // GraphML, DOT  the factor graph: variables, features and constraints are nodes, an edge says "mentions".
 //
+// Errors    a sentence where the weights do not fit into the format; nothing is written then.
 // Requires  Jeffrey evidence (soft_targets) is a demand on the answer, not a factor: it is in none of these formats.
 // Cost      linear in the network but for blocks (pairs of their atoms) and direct tables (at most 2^10 entries).
 #pragma once
 
 #include <iosfwd>
+#include <optional>
+#include <string>
 
 #include "grounding/network.h"
 
 namespace sherlog {
 
-void export_wcnf(const GroundNetwork& network, std::ostream& out);
-void export_uai(const GroundNetwork& network, std::ostream& out);
+std::optional<std::string> export_wcnf(const GroundNetwork& network, std::ostream& out);
+std::optional<std::string> export_uai(const GroundNetwork& network, std::ostream& out);
 void export_graphml(const GroundNetwork& network, std::ostream& out);
 void export_dot(const GroundNetwork& network, std::ostream& out);
 
