@@ -1,6 +1,8 @@
 // The checks of checks.h. The truth table is computed 64 rows at a time: a word holds the value of a node in 64 rows.
 #include "mln/checks.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -9,7 +11,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include <fmt/format.h>
+#include "mln/typing.h"
 
 namespace sherlog {
 
@@ -102,8 +104,6 @@ class TruthTable {
     const Term& left = node.terms[0];
     const Term& right = node.terms[1];
     if (left == right) {
-      // x <= x is false where x is not a number.
-      if (node.kind == NodeKind::kLessEqual) return compile_pattern(node);
       operations_.push_back({node.kind == NodeKind::kLess ? Code::kFalse : Code::kTrue, 0});
       return true;
     }
@@ -157,10 +157,17 @@ class TruthTable {
     for (const Operation& operation : operations_) {
       std::uint64_t word = 0;
       switch (operation.code) {
-        case Code::kPattern: word = pattern_word(operation.operand, first); break;
-        case Code::kTrue: word = ~std::uint64_t{0}; break;
-        case Code::kFalse: break;
-        case Code::kNot: word = ~pop(); break;
+        case Code::kPattern:
+          word = pattern_word(operation.operand, first);
+          break;
+        case Code::kTrue:
+          word = ~std::uint64_t{0};
+          break;
+        case Code::kFalse:
+          break;
+        case Code::kNot:
+          word = ~pop();
+          break;
         case Code::kAnd:
           word = ~std::uint64_t{0};
           for (std::uint32_t i = 0; i < operation.operand; ++i) word &= pop();
@@ -221,11 +228,29 @@ void check_constant_truth(const Formula& formula, Diagnostics& diagnostics) {
       return;
     case ConstantTruth::kAlwaysFalse:
       if (formula.hard) {
-        diagnostics.warning("contradiction", formula.place, "hard formula is always false: no world is possible where it has a grounding");
+        diagnostics.warning("contradiction", formula.place,
+                            "hard formula is always false: no world is possible where it has a grounding");
       } else {
         diagnostics.warning("contradiction", formula.place, "formula is always false: it changes no probability");
       }
       return;
+  }
+}
+
+void check_compared_domains(const Model& model, Diagnostics& diagnostics) {
+  const std::vector<std::optional<Place>> places = compared_domains(model);
+  for (std::size_t d = 0; d < places.size(); ++d) {
+    const Domain& domain = model.domains()[d];
+    if (!places[d]) continue;
+    const auto wrong = std::find_if(domain.constants.begin(), domain.constants.end(),
+                                    [](const std::string& constant) { return !numeric_value(constant); });
+    if (wrong == domain.constants.end()) continue;
+    std::vector<Note> notes;
+    if (domain.declared) notes.push_back({domain.place, fmt::format("'{}' is declared here", domain.name)});
+    diagnostics.error(
+        "not-numeric", *places[d],
+        fmt::format("numbers alone can be compared, and constant '{}' of domain '{}' is none", *wrong, domain.name),
+        std::move(notes));
   }
 }
 
@@ -235,14 +260,28 @@ void check_duplicates(const Model& model, Diagnostics& diagnostics) {
     const auto [entry, is_new] = first.emplace(formula_key(formula), &formula);
     if (is_new) continue;
     const bool both_soft = !formula.hard && !entry->second->hard;
-    diagnostics.warning("duplicate-formula", formula.place,
-                        both_soft ? "formula repeats an earlier one: their weights add up"
-                                  : "formula repeats an earlier one",
-                        {{entry->second->place, "the same formula is here"}});
+    diagnostics.warning(
+        "duplicate-formula", formula.place,
+        both_soft ? "formula repeats an earlier one: their weights add up" : "formula repeats an earlier one",
+        {{entry->second->place, "the same formula is here"}});
   }
 }
 
 }  // namespace
+
+void add_compared_domains(const FormulaNode& node, std::vector<std::optional<Place>>& places) {
+  if (node.kind == NodeKind::kLess || node.kind == NodeKind::kLessEqual) {
+    std::optional<Place>& place = places[node.domain.index()];
+    if (!place) place = node.place;
+  }
+  for (const FormulaNode& child : node.children) add_compared_domains(child, places);
+}
+
+std::vector<std::optional<Place>> compared_domains(const Model& model) {
+  std::vector<std::optional<Place>> places(model.domains().size());
+  for (const Formula& formula : model.formulas()) add_compared_domains(formula.root, places);
+  return places;
+}
 
 ConstantTruth constant_truth(const Formula& formula) { return TruthTable(formula).decide(); }
 
@@ -269,6 +308,7 @@ void check_model(const Model& model, Diagnostics& diagnostics) {
   check_unused(model, diagnostics);
   for (const Formula& formula : model.formulas()) check_constant_truth(formula, diagnostics);
   check_duplicates(model, diagnostics);
+  check_compared_domains(model, diagnostics);
 }
 
 }  // namespace sherlog

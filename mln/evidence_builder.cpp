@@ -1,12 +1,13 @@
 // Duplicates, contradictions and block rules of one database. Atoms are compared as packed arguments in flat arrays.
 #include "mln/evidence_builder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <functional>
 #include <limits>
 
-#include <fmt/format.h>
-
+#include "mln/checks.h"
 #include "mln/typing.h"
 
 namespace sherlog {
@@ -23,10 +24,14 @@ std::uint64_t mixed(std::uint64_t hash, std::uint64_t value) {
 
 std::string kind_text(EvidenceKind kind, double degree) {
   switch (kind) {
-    case EvidenceKind::kFalse: return "false";
-    case EvidenceKind::kTrue: return "true";
-    case EvidenceKind::kUnknown: return "unknown";
-    case EvidenceKind::kSoft: break;
+    case EvidenceKind::kFalse:
+      return "false";
+    case EvidenceKind::kTrue:
+      return "true";
+    case EvidenceKind::kUnknown:
+      return "unknown";
+    case EvidenceKind::kSoft:
+      break;
   }
   return fmt::format("true to degree {}", degree);
 }
@@ -46,7 +51,8 @@ EvidenceContext::EvidenceContext(const Model& model, Diagnostics& diagnostics, c
       diagnostics_(diagnostics),
       options_(options),
       constants_(model.domains().size()),
-      constants_ready_(model.domains().size(), false) {
+      constants_ready_(model.domains().size(), false),
+      compared_(compared_domains(model)) {
   for (std::uint32_t i = 0; i < model.predicates().size(); ++i) {
     predicates_.insert(hash_text(model.predicates()[i].name), i);
   }
@@ -69,9 +75,21 @@ ConstantIndex EvidenceContext::find_constant(DomainId domain, std::string_view n
   return table.find(hash, [&](std::uint32_t i) { return constants[i] == name; });
 }
 
-void EvidenceContext::warn_widened(DomainId id, std::string_view name, const Place& place) {
+void EvidenceContext::check_new_constant(DomainId id, std::string_view name, const Place& place) {
   const Domain& domain = model_.domain(id);
-  if (!warned_.insert(fmt::format("{}\n{}", domain.name, name)).second) return;
+  const std::optional<Place>& compared = compared_[id.index()];
+  const bool wrong = compared && !numeric_value(name);
+  if (!wrong && !domain.declared) return;
+  if (!said_.insert(fmt::format("{}\n{}", domain.name, name)).second) return;
+  if (wrong) {
+    std::vector<Note> notes;
+    if (&model_.sources() == &diagnostics_.sources()) notes.push_back({*compared, "they are compared here"});
+    diagnostics_.error("not-numeric", place,
+                       fmt::format("'{}' is no number, and formulas compare the constants of domain '{}'",
+                                   shortened(name), domain.name),
+                       std::move(notes));
+    return;
+  }
   // A suggestion costs a comparison with every constant: not for messages that nobody sees.
   const bool shown = diagnostics_.warning_count() < Diagnostics::kMaxShown && shortened(name).size() == name.size();
   diagnostics_.warning("widened-domain", place,
@@ -100,7 +118,7 @@ EvidenceBuilder::EvidenceBuilder(EvidenceContext& context)
       atoms_(context.model().predicates().size()),
       added_(context.model().domains().size()) {}
 
-ConstantIndex EvidenceBuilder::constant(DomainId domain, std::string_view name, bool& widened) {
+ConstantIndex EvidenceBuilder::constant(DomainId domain, std::string_view name, bool& is_new) {
   const std::uint64_t hash = hash_text(name);
   const ConstantIndex known = context_->find_constant(domain, name, hash);
   if (known != FlatIndex::kNone) return known;
@@ -113,7 +131,7 @@ ConstantIndex EvidenceBuilder::constant(DomainId domain, std::string_view name, 
   names.emplace_back(name);
   table.insert(hash, added);
   evidence_.added_index_[domain.index()].emplace(names.back(), base + added);
-  widened = context_->model().domain(domain).declared;
+  is_new = true;
   return base + added;
 }
 
@@ -128,8 +146,8 @@ void EvidenceBuilder::state(PredicateId id, std::span<const ConstantIndex> argum
     return std::equal(arguments.begin(), arguments.end(), atoms.arguments.data() + atom * arity);
   });
   if (before != FlatIndex::kNone) {
-    const bool same = atoms.kinds[before] == kind && !(atoms.degrees[before] < degree) &&
-                      !(atoms.degrees[before] > degree);
+    const bool same =
+        atoms.kinds[before] == kind && !(atoms.degrees[before] < degree) && !(atoms.degrees[before] > degree);
     if (!same) report_contradiction(id, before, kind, degree, place);
     return;
   }
@@ -144,10 +162,10 @@ void EvidenceBuilder::report_contradiction(PredicateId id, std::uint32_t before,
                                            const Place& place) {
   const PredicateEvidence& atoms = evidence_.predicates_[id.index()];
   const std::string earlier = kind_text(atoms.kinds[before], atoms.degrees[before]);
-  context_->diagnostics().error("contradiction", place,
-                                fmt::format("'{}' is stated {} here, but {} elsewhere", text_of(id, before),
-                                            kind_text(kind, degree), earlier),
-                                {{atoms.places[before], fmt::format("it is stated {} here", earlier)}});
+  context_->diagnostics().error(
+      "contradiction", place,
+      fmt::format("'{}' is stated {} here, but {} elsewhere", text_of(id, before), kind_text(kind, degree), earlier),
+      {{atoms.places[before], fmt::format("it is stated {} here", earlier)}});
 }
 
 std::span<const ConstantIndex> EvidenceBuilder::arguments_of(PredicateId id, std::uint32_t atom) const {
@@ -236,9 +254,9 @@ void EvidenceBuilder::check_all_denied(PredicateId id, const Block& block, std::
   const std::span<const ConstantIndex> arguments = arguments_of(id, block.first);
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     if (i > 0) name += ',';
-    name += predicate.marked[i] ? "_"
-                                : quoted_constant(evidence_.constant_name(context_->model(), predicate.domains[i],
-                                                                          arguments[i]));
+    name += predicate.marked[i]
+                ? "_"
+                : quoted_constant(evidence_.constant_name(context_->model(), predicate.domains[i], arguments[i]));
   }
   name += ")";
   block_error(id, block.last_denied,

@@ -27,8 +27,9 @@ class EvidenceContext {
   std::optional<PredicateId> find_predicate(std::string_view name) const;
   // The position in the model's domain, or FlatIndex::kNone. The table of a domain is made on first use.
   ConstantIndex find_constant(DomainId domain, std::string_view name, std::uint64_t hash);
-  // Reports, once for each constant, that a domain declared with values is widened.
-  void warn_widened(DomainId domain, std::string_view name, const Place& place);
+  // What there is to say about a constant that the model does not know, once for each: that a domain declared with values is
+  // widened (a warning), or that formulas compare the domain's constants and this one is no number (an error).
+  void check_new_constant(DomainId domain, std::string_view name, const Place& place);
   std::string predicate_suggestion(std::string_view name) const;
   std::string domain_suggestion(std::string_view name) const;
 
@@ -39,7 +40,8 @@ class EvidenceContext {
   FlatIndex predicates_;
   std::vector<FlatIndex> constants_;
   std::vector<bool> constants_ready_;
-  std::unordered_set<std::string> warned_;  // "domain\nconstant"
+  std::unordered_set<std::string> said_;        // "domain\nconstant"
+  std::vector<std::optional<Place>> compared_;  // by domain: where a formula compares its constants
 };
 
 // Copyable: databases that share a beginning are copies of it.
@@ -47,8 +49,8 @@ class EvidenceBuilder {
  public:
   explicit EvidenceBuilder(EvidenceContext& context);
 
-  // The constant's index, added to the domain if it is new; `widened`: a domain declared with values got a new one.
-  ConstantIndex constant(DomainId domain, std::string_view name, bool& widened);
+  // The constant's index, added to the domain if it `is_new`.
+  ConstantIndex constant(DomainId domain, std::string_view name, bool& is_new);
   // States an atom. A repetition is ignored, a contradiction reported.
   void state(PredicateId predicate, std::span<const ConstantIndex> arguments, EvidenceKind kind, double degree,
              const Place& place);

@@ -1,13 +1,13 @@
 // The scanner of evidence_reader.h.
 #include "mln/evidence_reader.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <charconv>
 #include <deque>
 #include <optional>
 #include <string>
-
-#include <fmt/format.h>
 
 #include "mln/typing.h"
 
@@ -303,7 +303,8 @@ class Reader {
       return expect_line_end();
     }
     constants_.clear();
-    for (std::size_t i = 0; i < arguments_.size(); ++i) constants_.push_back(constant(predicate.domains[i], arguments_[i]));
+    for (std::size_t i = 0; i < arguments_.size(); ++i)
+      constants_.push_back(constant(predicate.domains[i], arguments_[i]));
     builder_.state(*id, constants_, kind, degree, place(begin, end));
     return expect_line_end();
   }
@@ -317,9 +318,9 @@ class Reader {
   }
 
   ConstantIndex constant(DomainId domain, const Argument& argument) {
-    bool widened = false;
-    const ConstantIndex index = builder_.constant(domain, argument.text, widened);
-    if (widened) context_.warn_widened(domain, argument.text, place(argument.begin, argument.end));
+    bool is_new = false;
+    const ConstantIndex index = builder_.constant(domain, argument.text, is_new);
+    if (is_new) context_.check_new_constant(domain, argument.text, place(argument.begin, argument.end));
     return index;
   }
 
@@ -430,7 +431,8 @@ class Reader {
       unescaped_.clear();
       if (!read_constant('}')) return false;
       if (arguments_[0].text == "...") {
-        return error("syntax", arguments_[0].begin, arguments_[0].end, "ranges belong into the model, not the evidence");
+        return error("syntax", arguments_[0].begin, arguments_[0].end,
+                     "ranges belong into the model, not the evidence");
       }
       if (id) constant(*id, arguments_[0]);
       if (!skip_to_entry()) return unclosed();
@@ -448,8 +450,8 @@ class Reader {
   std::size_t position_;
   std::uint32_t line_;
   std::size_t line_begin_;
-  std::size_t cursor_;          // columns are counted up to here
-  std::uint32_t column_ = 1;    // of cursor_
+  std::size_t cursor_;        // columns are counted up to here
+  std::uint32_t column_ = 1;  // of cursor_
   bool silent_ = false;
   bool unclosed_comment_ = false;
   std::optional<PredicateId> last_predicate_;

@@ -1,9 +1,9 @@
 // Suspicious models are warned about; hard contradictions are refused.
 #include "mln/checks.h"
 
-#include <string>
-
 #include <gtest/gtest.h>
+
+#include <string>
 
 namespace sherlog {
 namespace {
@@ -28,6 +28,28 @@ TEST(Checks, UnusedPredicatesAndDomainsAreNamed) {
   EXPECT_EQ(warnings("A(d)\nB(d)\n"), "");  // declarations alone are no model yet
 }
 
+TEST(Checks, NumbersAloneAreCompared) {
+  for (const char* sign : {"<", "<=", ">", ">="}) {
+    const std::string compares = "P(n)\n1 P(x) ^ P(y) ^ x " + std::string(sign) + " y\n";
+    EXPECT_EQ(warnings("n = {1, 2.5, -3e2}\n" + compares), "") << sign;
+    EXPECT_EQ(warnings(compares), "") << "a domain without constants so far";
+    EXPECT_EQ(warnings("n = {1, two}\n" + compares), "not-numeric@3 ") << sign;
+    // The constant of another formula is in the domain as well, wherever that stands.
+    EXPECT_EQ(warnings(compares + "1 P(Two)\n"), "not-numeric@2 ") << sign;
+  }
+  EXPECT_EQ(warnings("n = {a, b}\nP(n)\n1 P(x) ^ x < 3\n"), "widened-domain@3 not-numeric@3 ");
+  EXPECT_EQ(warnings("n = {a, b}\nP(n)\n1 P(x) ^ x != y ^ P(y)\n"), "");
+}
+
+TEST(Checks, TheMessageNamesTheDomainAndTheConstant) {
+  Diagnostics diagnostics;
+  EXPECT_FALSE(parse_model("age = {7, Old}\nAged(age)\n1 Aged(x) ^ x > 8\n", "m.mln", diagnostics));
+  const std::string text = diagnostics.render();
+  EXPECT_NE(text.find("m.mln:3:13: error: numbers alone can be compared, and constant 'Old' of domain 'age' is none"),
+            std::string::npos)
+      << text;
+}
+
 TEST(Checks, TautologiesAreFoundByTruthTable) {
   EXPECT_EQ(warnings(kHead + "1 A(x) v !A(x)"), "tautology@5 ");
   EXPECT_EQ(warnings(kHead + "1 (A(x) => B(x)) <=> (!A(x) v B(x))"), "tautology@5 ");
@@ -40,7 +62,8 @@ TEST(Checks, ContradictionsAreWarnedAboutHardOnesToo) {
   EXPECT_EQ(warnings(kHead + "1 A(x) ^ !A(x)"), "contradiction@5 ");
   Diagnostics diagnostics;
   EXPECT_TRUE(parse_model(kHead + "A(x) ^ !A(x).", "m.mln", diagnostics));
-  EXPECT_NE(diagnostics.render().find("warning: hard formula is always false: no world is possible where it has a grounding [contradiction]"),
+  EXPECT_NE(diagnostics.render().find(
+                "warning: hard formula is always false: no world is possible where it has a grounding [contradiction]"),
             std::string::npos);
 }
 

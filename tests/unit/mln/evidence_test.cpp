@@ -1,12 +1,12 @@
 // Reading of databases: forms of atoms, constants, separators, and the rules that evidence must keep.
 #include "mln/evidence.h"
 
+#include <gtest/gtest.h>
+
 #include <cstdlib>
 #include <fstream>
 #include <map>
 #include <string>
-
-#include <gtest/gtest.h>
 
 namespace sherlog {
 namespace {
@@ -62,8 +62,9 @@ std::string atoms_of(const Model& model, const Evidence& evidence, const std::st
 
 TEST(Evidence, AtomsAreTrueFalseUnknownOrSoft) {
   const Model model = model_of(kModel);
-  const Evidence evidence = good(model, "Smokes(Anna)\n!Smokes(Bob) // why\n? Smokes(Carl)\n0.7 Smokes(Dora)\n1 Smokes(E)\n"
-                                        "0.0 Smokes(F) /* no */\n  Smokes( Gil )\r\n")[0];
+  const Evidence evidence = good(model,
+                                 "Smokes(Anna)\n!Smokes(Bob) // why\n? Smokes(Carl)\n0.7 Smokes(Dora)\n1 Smokes(E)\n"
+                                 "0.0 Smokes(F) /* no */\n  Smokes( Gil )\r\n")[0];
   EXPECT_EQ(atoms_of(model, evidence, "Smokes"),
             "+Smokes(Anna) !Smokes(Bob) ?Smokes(Carl) ~Smokes(Dora) +Smokes(E) !Smokes(F) +Smokes(Gil) ");
   EXPECT_DOUBLE_EQ(evidence.of(*model.find_predicate("Smokes")).degrees[3], 0.7);
@@ -73,8 +74,9 @@ TEST(Evidence, AtomsAreTrueFalseUnknownOrSoft) {
 
 TEST(Evidence, ConstantsAreWhateverStandsBetweenCommasAndBrackets) {
   const Model model = model_of(kModel);
-  const Evidence evidence = good(model, "Friends(Dr. Oetker ,http://x.de/y)\nFriends(\"a,(b)\", \"q\\\"\\\\\")\n"
-                                        "Friends(Kellogg's, anna)\nFriends(6\" pipe, \xC3\x84nne)\n")[0];
+  const Evidence evidence = good(model,
+                                 "Friends(Dr. Oetker ,http://x.de/y)\nFriends(\"a,(b)\", \"q\\\"\\\\\")\n"
+                                 "Friends(Kellogg's, anna)\nFriends(6\" pipe, \xC3\x84nne)\n")[0];
   const DomainId person = *model.find_domain("person");
   EXPECT_EQ(evidence.added_constants(person),
             (std::vector<std::string>{"Dr. Oetker", "http://x.de/y", "a,(b)", "q\"\\", "Kellogg's", "anna", "6\" pipe",
@@ -98,7 +100,8 @@ TEST(Evidence, WhatAtomTextWritesReadsBackTheSame) {
 
 TEST(Evidence, DomainsMayListConstantsOverSeveralLines) {
   const Model model = model_of(kModel);
-  const Evidence evidence = good(model, "person = {Anna, // first\n  Bob,\n  /* no */ New York\n}\nroom={}\nSmokes(Bob)\n")[0];
+  const Evidence evidence =
+      good(model, "person = {Anna, // first\n  Bob,\n  /* no */ New York\n}\nroom={}\nSmokes(Bob)\n")[0];
   const DomainId person = *model.find_domain("person");
   EXPECT_EQ(evidence.added_constants(person), (std::vector<std::string>{"Anna", "Bob", "New York"}));
   EXPECT_EQ(evidence.find_constant(model, person, "Bob"), 1u);
@@ -110,7 +113,8 @@ TEST(Evidence, DomainsMayListConstantsOverSeveralLines) {
 
 TEST(Evidence, DashesSeparateDatabasesWithConstantsOfTheirOwn) {
   const Model model = model_of(kModel);
-  const std::vector<Evidence> databases = good(model, "// top\n---\nSmokes(Anna)\n-----\nSmokes(Bob)\nSmokes(Anna)\n---\n\n");
+  const std::vector<Evidence> databases =
+      good(model, "// top\n---\nSmokes(Anna)\n-----\nSmokes(Bob)\nSmokes(Anna)\n---\n\n");
   ASSERT_EQ(databases.size(), 2u);
   const DomainId person = *model.find_domain("person");
   EXPECT_EQ(databases[0].added_constants(person), std::vector<std::string>{"Anna"});
@@ -128,7 +132,9 @@ TEST(Evidence, EmptyTextIsOneEmptyDatabase) {
 
 TEST(Evidence, DuplicatesAreHarmlessAndContradictionsNameBothLines) {
   const Model model = model_of(kModel);
-  EXPECT_EQ(good(model, "Smokes(A)\nSmokes(A)\n0.3 Smokes(B)\n.3 Smokes(B)")[0].of(*model.find_predicate("Smokes")).size(), 2u);
+  EXPECT_EQ(
+      good(model, "Smokes(A)\nSmokes(A)\n0.3 Smokes(B)\n.3 Smokes(B)")[0].of(*model.find_predicate("Smokes")).size(),
+      2u);
   EXPECT_EQ(messages("Smokes(A)\n\n !Smokes(A)\n"),
             "e.db:3:2: error: 'Smokes(A)' is stated false here, but true elsewhere [contradiction]\n"
             "    3 |  !Smokes(A)\n"
@@ -139,12 +145,13 @@ TEST(Evidence, DuplicatesAreHarmlessAndContradictionsNameBothLines) {
 }
 
 TEST(Evidence, BlocksHaveAtMostOneTrueValue) {
-  EXPECT_EQ(messages("is(C1,Move)\nis(C2,Move)\nis(C1,Stay)\n"),
-            "e.db:3:1: error: 'is(C1,Stay)' and 'is(C1,Move)' are both stated true, but exactly one of them can be [block]\n"
-            "    3 | is(C1,Stay)\n"
-            "      | ^~~~~~~~~~~\n"
-            "e.db:1:1: note: 'is(C1,Move)' is stated true here\n"
-            "m.mln:4:1: note: 'is' is declared here\n");
+  EXPECT_EQ(
+      messages("is(C1,Move)\nis(C2,Move)\nis(C1,Stay)\n"),
+      "e.db:3:1: error: 'is(C1,Stay)' and 'is(C1,Move)' are both stated true, but exactly one of them can be [block]\n"
+      "    3 | is(C1,Stay)\n"
+      "      | ^~~~~~~~~~~\n"
+      "e.db:1:1: note: 'is(C1,Move)' is stated true here\n"
+      "m.mln:4:1: note: 'is' is declared here\n");
   EXPECT_TRUE(complains("at(A,R1)\nat(A,R2)", "at most one of them can be"));
 }
 
@@ -157,7 +164,8 @@ TEST(Evidence, ABlockNeedsAValueThatIsNotDenied) {
 
 TEST(Evidence, WidenedDomainsAreWarnedAboutOnce) {
   EXPECT_EQ(messages("is(C1,Mov)\nis(C2,Mov)\n---\nis(C1,Mov)\n"),
-            "e.db:1:7: warning: 'Mov' is not among the declared constants of domain 'explanations' and is added; did you mean "
+            "e.db:1:7: warning: 'Mov' is not among the declared constants of domain 'explanations' and is added; did "
+            "you mean "
             "'Move'? [widened-domain]\n"
             "    1 | is(C1,Mov)\n"
             "      |       ^~~\n"
@@ -165,10 +173,11 @@ TEST(Evidence, WidenedDomainsAreWarnedAboutOnce) {
 }
 
 TEST(Evidence, MistakesAreReportedWhereTheyStand) {
-  EXPECT_EQ(messages("Smoks(A)\n"),
-            "e.db:1:1: error: predicate 'Smoks' is not declared in the model; did you mean 'Smokes'? [unknown-predicate]\n"
-            "    1 | Smoks(A)\n"
-            "      | ^~~~~\n");
+  EXPECT_EQ(
+      messages("Smoks(A)\n"),
+      "e.db:1:1: error: predicate 'Smoks' is not declared in the model; did you mean 'Smokes'? [unknown-predicate]\n"
+      "    1 | Smoks(A)\n"
+      "      | ^~~~~\n");
   EXPECT_TRUE(complains("Smokes(A,B)", "e.db:1:1: error: predicate 'Smokes' takes 1 argument, 2 given [arity]"));
   EXPECT_TRUE(complains("Smokes(A).", "e.db:1:10: error: an atom of the evidence does not end in '.'"));
   EXPECT_TRUE(complains("Smokes(A) Smokes(B)", "e.db:1:11: error: expected the end of the line"));
@@ -184,7 +193,8 @@ TEST(Evidence, MistakesAreReportedWhereTheyStand) {
 
 TEST(Evidence, DegreesLieBetweenZeroAndOne) {
   for (const char* degree : {"1.2", "-0.1", "nan", "inf", "1e999", "+7"}) {
-    EXPECT_TRUE(complains(std::string(degree) + " Smokes(A)", std::string("degree '") + degree + "' is not a number from 0 to 1"));
+    EXPECT_TRUE(complains(std::string(degree) + " Smokes(A)",
+                          std::string("degree '") + degree + "' is not a number from 0 to 1"));
   }
   EXPECT_TRUE(complains("0.7 !Smokes(A)", "write '0.3 P(A)' for '0.7 !P(A)'"));
 }
@@ -223,7 +233,8 @@ class EvidenceFiles : public ::testing::Test {
 TEST_F(EvidenceFiles, OneDatabaseEachBecomeOneDatabase) {
   const Model model = model_of(kModel);
   Diagnostics diagnostics;
-  const auto databases = parse_evidence_files(model, {write("a.db", "Smokes(A)"), write("b.db", "!Smokes(B)")}, diagnostics);
+  const auto databases =
+      parse_evidence_files(model, {write("a.db", "Smokes(A)"), write("b.db", "!Smokes(B)")}, diagnostics);
   ASSERT_TRUE(databases) << diagnostics.render();
   ASSERT_EQ(databases->size(), 1u);
   EXPECT_EQ(atoms_of(model, (*databases)[0], "Smokes"), "+Smokes(A) !Smokes(B) ");
@@ -251,7 +262,8 @@ TEST_F(EvidenceFiles, MissingFilesAndFoldersAreErrors) {
   EXPECT_EQ(diagnostics.error_count(), 2u);
 }
 
-std::optional<std::vector<Evidence>> published(const std::string& model_name, const std::string& evidence_name, Model& model) {
+std::optional<std::vector<Evidence>> published(const std::string& model_name, const std::string& evidence_name,
+                                               Model& model) {
   const std::string folder = std::string(std::getenv("SHERLOG_DATA")) + "/";
   Diagnostics diagnostics;
   std::optional<Model> read = parse_model_file(folder + model_name, diagnostics);
@@ -309,6 +321,28 @@ TEST(PublishedEvidence, AllFilesLoad) {
     Model model;
     EXPECT_TRUE(published(model_name, evidence_name, model)) << evidence_name;
   }
+}
+
+TEST(Evidence, ConstantsOfAComparedDomainAreNumbers) {
+  const Model model = model_of("Aged(person, age)\n1 Aged(p, x) ^ Aged(q, y) ^ x < y\n");
+  EXPECT_EQ(good(model, "Aged(Anna, 7)\nage = {8, 9.5}\n").size(), 1u);
+  for (const char* text : {"Aged(Anna, 7)\nAged(Bob, Old)\n", "Aged(Anna, 7)\nage = {8, Old}\n"}) {
+    Diagnostics diagnostics;
+    EXPECT_FALSE(parse_evidence(model, text, "e.db", diagnostics));
+    EXPECT_NE(diagnostics.render().find("e.db:2:"), std::string::npos) << diagnostics.render();
+    EXPECT_NE(diagnostics.render().find("'Old' is no number, and formulas compare the constants of domain 'age'"),
+              std::string::npos)
+        << diagnostics.render();
+  }
+}
+
+TEST(Evidence, AnAtomHasOneDegree) {
+  const Model model = model_of(kModel);
+  const std::vector<Evidence> twice = good(model, "0.7 Smokes(Anna)\n0.7 Smokes(Anna)\n");
+  EXPECT_EQ(twice.at(0).of(*model.find_predicate("Smokes")).size(), 1u);
+  Diagnostics diagnostics;
+  EXPECT_FALSE(parse_evidence(model, "0.7 Smokes(Anna)\n0.8 Smokes(Anna)\n", "e.db", diagnostics));
+  EXPECT_NE(diagnostics.render().find("to degree 0.7"), std::string::npos) << diagnostics.render();
 }
 
 }  // namespace
