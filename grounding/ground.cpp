@@ -166,7 +166,7 @@ class Grounder {
     }
     const std::size_t bytes = builder_.memory_bytes() + atoms_.memory_bytes();
     if (bytes > options_.max_memory) {
-      return halt(Termination::kMemoryLimit, fmt::format("the limit of {:.0f} MB was reached {}",
+      return halt(Termination::kMemoryLimit, fmt::format("the limit of {:.3g} MB was reached {}",
                                                          static_cast<double>(options_.max_memory) / 1e6, where()));
     }
     const double now = stop_.seconds();
@@ -181,6 +181,7 @@ class Grounder {
 
   bool ask() {
     for (const QueryItem& item : query_.items) {
+      if (item.absent) continue;
       if (!(item.kind == QueryItem::Kind::kAtoms ? ask_atoms(item) : ask_formula(item))) return false;
     }
     return keep_going();
@@ -312,7 +313,7 @@ class Grounder {
     if (open && join.expected_leaves() * kBytesPerFeature > static_cast<double>(options_.max_memory)) {
       return halt(
           Termination::kMemoryLimit,
-          fmt::format("grounding {} gives about {:.3g} ground formulas, which need {:.0f} MB; the limit is {:.0f} MB",
+          fmt::format("grounding {} gives about {:.3g} ground formulas, which need {:.3g} MB; the limit is {:.3g} MB",
                       described(formula), join.expected_leaves(), join.expected_leaves() * kBytesPerFeature / 1e6,
                       static_cast<double>(options_.max_memory) / 1e6));
     }

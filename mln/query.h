@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,8 @@ struct QueryItem {
   // kFormula. Without free variables; quantified ones are in `formula.variables`. formula.text is shown in results.
   Formula formula;
   std::string text;  // as the user wrote it
+  // Names a constant that this database does not know: its predicates are open, and it has no answer.
+  bool absent = false;
 };
 
 struct Query {
@@ -33,5 +36,10 @@ struct Query {
 // Errors: unknown predicate (with a suggestion), unknown constant, arity, syntax; then nothing is returned.
 std::optional<Query> parse_query(const Model& model, const Evidence& evidence, const std::vector<std::string>& texts,
                                  Diagnostics& diagnostics);
+
+// One query for each database. A constant has to be known to one of them; where another does not know it, the item is `absent`
+// there, with a warning. A name that is a constant in one database is a constant, and no variable, in all of them.
+std::optional<std::vector<Query>> parse_queries(const Model& model, std::span<const Evidence> databases,
+                                                const std::vector<std::string>& texts, Diagnostics& diagnostics);
 
 }  // namespace sherlog

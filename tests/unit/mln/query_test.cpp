@@ -1,9 +1,9 @@
 // Query texts: items, patterns, formulas, and what is refused.
 #include "mln/query.h"
 
-#include <string>
-
 #include <gtest/gtest.h>
+
+#include <string>
 
 namespace sherlog {
 namespace {
@@ -17,8 +17,8 @@ class QueryTexts : public ::testing::Test {
         diagnostics);
     ASSERT_TRUE(model) << diagnostics.render();
     model_ = std::move(*model);
-    auto databases = parse_evidence(
-        model_, "similar(O1,N1)\nsimilar(O1,door)\nSmokes(Anna)\nSmokes(Dr. Oetker)\n", "e.db", diagnostics);
+    auto databases = parse_evidence(model_, "similar(O1,N1)\nsimilar(O1,door)\nSmokes(Anna)\nSmokes(Dr. Oetker)\n",
+                                    "e.db", diagnostics);
     ASSERT_TRUE(databases) << diagnostics.render();
     evidence_ = std::move(databases->front());
   }
@@ -84,11 +84,75 @@ TEST_F(QueryTexts, UnknownNamesAreErrorsWithSuggestions) {
 }
 
 TEST_F(QueryTexts, FreeVariablesTemplatesAndEmptyItemsAreErrors) {
-  EXPECT_NE(messages("Smokes(x) ^ Smokes(Anna)").find("variable 'x' is free in a queried formula; bind it: EXIST x (...)"),
-            std::string::npos);
+  EXPECT_NE(
+      messages("Smokes(x) ^ Smokes(Anna)").find("variable 'x' is free in a queried formula; bind it: EXIST x (...)"),
+      std::string::npos);
   EXPECT_NE(messages("is,,similar").find("a query item is empty"), std::string::npos);
   EXPECT_NE(messages("Smokes(+x)").find("has no meaning in a query"), std::string::npos);
   EXPECT_NE(messages("Smokes(Anna").find("error"), std::string::npos);
+}
+
+TEST_F(QueryTexts, ComparisonNeedsNumbersInTheEvidenceToo) {
+  EXPECT_NE(messages("EXIST x, y (Smokes(x) ^ Smokes(y) ^ x < y)").find("constant 'Anna' of domain 'person' is none"),
+            std::string::npos);
+}
+
+class SeveralDatabases : public QueryTexts {
+ protected:
+  void SetUp() override {
+    QueryTexts::SetUp();
+    Diagnostics diagnostics;
+    auto databases =
+        parse_evidence(model_, "Smokes(Anna)\nSmokes(carl)\n---\nSmokes(Bob)\nSmokes(Anna)\n", "e.db", diagnostics);
+    ASSERT_TRUE(databases) << diagnostics.render();
+    databases_ = std::move(*databases);
+  }
+  std::vector<Evidence> databases_;
+};
+
+TEST_F(SeveralDatabases, EachHasItsOwnNumbers) {
+  Diagnostics diagnostics;
+  const auto queries = parse_queries(model_, databases_, {"Smokes(Anna), Smokes(Anna) ^ Smokes(Anna)"}, diagnostics);
+  ASSERT_TRUE(queries) << diagnostics.render();
+  EXPECT_EQ(diagnostics.render(), "");
+  EXPECT_EQ((*queries)[0].items[0].pattern[0], Term::constant(0));
+  EXPECT_EQ((*queries)[1].items[0].pattern[0], Term::constant(1));
+  EXPECT_EQ((*queries)[1].items[1].formula.root.children.at(0).terms.at(0), Term::constant(1));
+}
+
+TEST_F(SeveralDatabases, AnItemIsAbsentWhereItsConstantIsUnknown) {
+  Diagnostics diagnostics;
+  const auto queries = parse_queries(model_, databases_, {"Smokes(Bob), !Smokes(Bob), Smokes"}, diagnostics);
+  ASSERT_TRUE(queries) << diagnostics.render();
+  const auto absent = [&](std::size_t d) {
+    std::string text;
+    for (const QueryItem& item : (*queries)[d].items) text += item.absent ? '-' : '+';
+    return text;
+  };
+  EXPECT_EQ(absent(0), "--+");
+  EXPECT_EQ(absent(1), "+++");
+  EXPECT_NE(
+      diagnostics.render().find("warning: 'Bob' is no constant of domain 'person' in database 1: there 'Smokes(Bob)' "
+                                "has no answer"),
+      std::string::npos)
+      << diagnostics.render();
+}
+
+// Without that, Smokes(carl) would ask the second database for everybody.
+TEST_F(SeveralDatabases, ANameThatOneOfThemKnowsIsAConstantInAll) {
+  Diagnostics diagnostics;
+  const auto queries = parse_queries(model_, databases_, {"Smokes(carl)"}, diagnostics);
+  ASSERT_TRUE(queries) << diagnostics.render();
+  EXPECT_EQ((*queries)[0].items[0].pattern_variables, 0u);
+  EXPECT_EQ((*queries)[1].items[0].pattern_variables, 0u);
+  EXPECT_TRUE((*queries)[1].items[0].absent);
+}
+
+TEST_F(SeveralDatabases, AConstantThatNoneKnowsIsAnError) {
+  Diagnostics diagnostics;
+  EXPECT_FALSE(parse_queries(model_, databases_, {"Smokes(Anne)"}, diagnostics));
+  EXPECT_EQ(diagnostics.error_count(), 1u);
+  EXPECT_NE(diagnostics.render().find("did you mean 'Anna'?"), std::string::npos) << diagnostics.render();
 }
 
 }  // namespace
