@@ -342,8 +342,9 @@ std::optional<FormulaParser::Operand> FormulaParser::parse_quantified() {
   --depth_;
   const bool connective = body->formula.kind >= Kind::kAnd && body->formula.kind <= Kind::kIff;
   if (!delimited && connective) {
-    diagnostics_.warning("quantifier-scope", result.formula.place,
-                         "without brackets a quantifier reaches to the end of the formula; put what it is about in brackets");
+    diagnostics_.warning(
+        "quantifier-scope", result.formula.place,
+        "without brackets a quantifier reaches to the end of the formula; put what it is about in brackets");
   }
   body->formula.bracketed = false;  // the brackets are the quantifier's own: the printer always writes them
   result.height = body->height + 1;
@@ -449,6 +450,11 @@ std::optional<FormulaParser::Operand> FormulaParser::parse_comparison() {
   const Token first = token_;
   if (first.kind == TokenKind::kName && first.text == "v") {
     fail("a formula");
+    return std::nullopt;
+  }
+  // `v = {A, B}`, read as going on from the line before.
+  if (first.kind == TokenKind::kEqual && last_.kind == TokenKind::kName && last_.text == "v") {
+    error("syntax", lexer_.place(last_), "'v' means 'or' and cannot name a domain");
     return std::nullopt;
   }
   std::optional<Term> left = parse_term("a formula");

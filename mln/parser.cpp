@@ -159,6 +159,10 @@ class StatementParser : public FormulaParser {
     DomainDeclaration domain;
     domain.name = token_.text;
     domain.place = lexer_.place(token_);
+    if (domain.name == "v") {  // behind another statement it would be read as the connective
+      error("syntax", domain.place, "'v' means 'or' and cannot name a domain");
+      return false;
+    }
     take();  // name
     take();  // =
     const std::vector<Note> opened = {{lexer_.place(token_), "the bracket is opened here"}};

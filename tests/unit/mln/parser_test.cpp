@@ -228,6 +228,8 @@ TEST(SyntaxError, SaysWhereWhatWasFoundAndWhatExpected) {
       {"P(x => Q(x)", "m.mln:1:5: error: expected ',' or ')', found '=>' [syntax]"},
       {"P(a)\n(P(x) ^ P(y)", "m.mln:2:13: error: expected a connective or ')', found end of file [syntax]"},
       {"P(a)\nP(x) P(y)", "m.mln:2:6: error: expected a connective or end of line, found 'P' [syntax]"},
+      {"v = {A, B}\n", "m.mln:1:1: error: 'v' means 'or' and cannot name a domain [syntax]"},
+      {"P(v)\nv = {A, B}\n", "m.mln:2:1: error: 'v' means 'or' and cannot name a domain [syntax]"},
       {"P(a)\nP(x) ^", "m.mln:2:7: error: expected a formula, found end of line [syntax]"},
       {"P(a)\n1.5", "m.mln:2:4: error: expected a formula after the weight, found end of line [syntax]"},
       {"P(a)\n!", "m.mln:2:2: error: expected a formula, found end of line [syntax]"},
