@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <memory>
@@ -9,11 +10,13 @@
 #include <sstream>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "cli/commands.h"
 #include "cli/exit_code.h"
 #include "cli/output.h"
 #include "cli/terminal.h"
+#include "mln/diagnostics.h"
 
 namespace {
 
@@ -34,13 +37,31 @@ int answer_parse_error(CLI::App& app, const CLI::ParseError& error) {
   std::ostringstream out, problem;
   if (app.exit(error, out, problem) == 0) {
     const auto failed = sherlog::cli::write_standard_output(out.str());
-    return failed ? sherlog::cli::kInternalError : sherlog::cli::kDone;
+    if (!failed) return sherlog::cli::kDone;
+    fmt::print(stderr, "sherlog: error: {}\n", *failed);
+    return sherlog::cli::kInternalError;
   }
   fmt::print(stderr, "sherlog: error: {}\n", error.what());
   const auto chosen = app.get_subcommands();
   const std::string command = chosen.empty() ? "" : chosen.front()->get_name() + " ";
   fmt::print(stderr, "see 'sherlog {}--help'\n", command);
   return sherlog::cli::kBadInput;
+}
+
+// The first word names a command; CLI11 would say that it was not expected, and not what was.
+bool is_known_command(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return true;
+  const std::string word = argv[1];
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    names.push_back(command->get_name());
+  }
+  if (std::find(names.begin(), names.end(), word) != names.end()) return true;
+  const std::string nearest = sherlog::did_you_mean(word, names);
+  fmt::print(stderr, "sherlog: error: there is no command '{}'{}\n", word.substr(0, 80),
+             nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest));
+  fmt::print(stderr, "the commands are {}; see 'sherlog --help'\n", fmt::join(names, ", "));
+  return false;
 }
 
 int run(int argc, char** argv) {
@@ -60,6 +81,7 @@ int run(int argc, char** argv) {
   app.footer(
       "Exit codes: 0 done; 1 internal error; 2 bad usage or input; 3 no possible world; 4 a limit was reached;\n"
       "130 interrupted. 'sherlog COMMAND --help' lists the options of a command.");
+  if (!is_known_command(app, argc, argv)) return sherlog::cli::kBadInput;
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
