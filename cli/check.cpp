@@ -84,9 +84,7 @@ Json check_json(const std::optional<Model>& model, const std::optional<std::vect
   return json;
 }
 
-int run_check(Options options) {
-  Session session(std::move(options));
-  if (!session.check_options()) return kBadInput;
+int check_inputs(Session& session) {
   const auto model = session.read_model();
   std::optional<std::vector<Evidence>> databases;
   if (model && !session.options().evidence.empty()) databases = session.read_evidence(*model);
@@ -94,6 +92,12 @@ int run_check(Options options) {
   const int code = diagnostics.has_errors() ? kBadInput : kDone;
   return session.finish(code, check_text(model, databases, diagnostics),
                         [&] { return to_text(check_json(model, databases, diagnostics, session.seconds())); });
+}
+
+int run_check(Options options) {
+  Session session(std::move(options));
+  if (!session.check_options()) return kBadInput;
+  return session.run("sherlog.check/1", [&] { return check_inputs(session); });
 }
 
 }  // namespace

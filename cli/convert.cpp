@@ -28,9 +28,7 @@ const std::map<std::string, Dialect> dialects = {{"sherlog", Dialect::kSherlog},
                                                  {"pracmln", Dialect::kPracmln},
                                                  {"tuffy", Dialect::kTuffy}};
 
-int run_convert(Options options, const Conversion& conversion) {
-  Session session(std::move(options));
-  if (!session.check_options({conversion.output})) return kBadInput;
+int convert_model(Session& session, const Conversion& conversion) {
   Diagnostics& diagnostics = session.diagnostics();
   ParseOptions parse;
   parse.precedence = conversion.from == "pracmln" ? Precedence::kOrTighter : Precedence::kAndTighter;
@@ -68,6 +66,12 @@ int run_convert(Options options, const Conversion& conversion) {
     json["text"] = text;
     return to_text(json);
   });
+}
+
+int run_convert(Options options, const Conversion& conversion) {
+  Session session(std::move(options));
+  if (!session.check_options({conversion.output})) return kBadInput;
+  return session.run("sherlog.convert/1", [&] { return convert_model(session, conversion); });
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <memory>
+#include <new>
 
 #include "cli/commands.h"
 #include "cli/report.h"
@@ -136,10 +137,7 @@ std::optional<Literal> target_of(Session& session, const GroundNetwork& network,
   return network.queries().front().literal;
 }
 
-int run_explain(Options options, const std::string& atom, std::size_t limit) {
-  options.queries = {atom};
-  Session session(std::move(options));
-  if (!session.check_options()) return kBadInput;
+int explain_atom(Session& session, const std::string& atom, std::size_t limit) {
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto databases = session.read_evidence(*model);
@@ -149,35 +147,45 @@ int run_explain(Options options, const std::string& atom, std::size_t limit) {
     return kBadInput;
   }
   const Evidence& evidence = databases->front();
-  const auto query = session.read_query(*model, evidence);
-  if (!query) return kBadInput;
-  if (query->items.size() != 1) {
+  const auto queries = session.read_queries(*model, *databases);
+  if (!queries) return kBadInput;
+  const Query& query = queries->front();
+  if (query.items.size() != 1) {
     session.error("'explain' takes one ground atom");
     return kBadInput;
   }
   auto grounding = session.grounding_options(*model);
   if (!grounding) return kBadInput;
-  const GroundingResult grounded = ground(*model, evidence, *query, *grounding, session.monitor());
 
+  GroundingResult grounded;
   Explanation explanation;
+  explanation.method = session.options().method;
   std::vector<ConflictItem> conflict;
   const GroundNetwork* network = nullptr;
   std::string text;
   int code = kDone;
-  if (!grounded.network) {
-    explanation.termination = grounded.termination;
-    explanation.message = grounded.message;
-    if (grounded.conflict) conflict = conflict_items(*grounded.conflict);
-  } else if (const auto target = target_of(session, *grounded.network, atom, code)) {
-    network = &*grounded.network;
-    explanation = explain(*network, *target, session.inference_options(), session.monitor());
-    if (explanation.termination == Termination::kNoPossibleWorld) {
-      conflict = conflict_items(*model, evidence, *network, explanation.conflict);
+  try {
+    grounded = ground(*model, evidence, query, *grounding, session.monitor());
+    if (!grounded.network) {
+      explanation.termination = grounded.termination;
+      explanation.message = grounded.message;
+      if (grounded.conflict) conflict = conflict_items(*grounded.conflict);
+    } else if (const auto target = target_of(session, *grounded.network, atom, code)) {
+      explanation = explain(*grounded.network, *target, session.inference_options(), session.monitor());
+      network = &*grounded.network;
+    } else {
+      if (code != kDone) return code;
+      explanation.method.clear();  // nobody asked one
+      explanation.message = "the evidence decides it: no formula has a say";
+      text = fmt::format("{}: {}\n", atom, explanation.message);
     }
-  } else {
-    if (code != kDone) return code;
-    explanation.message = "the evidence decides it: no formula has a say";
-    text = fmt::format("{}: {}\n", atom, explanation.message);
+  } catch (const std::bad_alloc&) {
+    explanation.termination = Termination::kMemoryLimit;
+    explanation.message = kMemoryMessage;
+  }
+  session.release_memory();
+  if (network != nullptr && explanation.termination == Termination::kNoPossibleWorld) {
+    conflict = conflict_items(*model, evidence, *network, explanation.conflict);
   }
   if (explanation.termination == Termination::kNoPossibleWorld) {
     session.print_message(conflict_text(conflict, explanation.message));
@@ -190,6 +198,14 @@ int run_explain(Options options, const std::string& atom, std::size_t limit) {
   }
   return session.finish(exit_code(explanation.termination), text,
                         [&] { return to_text(explain_json(*model, evidence, network, atom, explanation, conflict)); });
+}
+
+int run_explain(Options options, const std::string& atom, std::size_t limit) {
+  options.queries = {atom};
+  Session session(std::move(options));
+  if (!session.check_options()) return kBadInput;
+  return session.run(
+      "sherlog.explain/1", [&] { return explain_atom(session, atom, limit); }, true);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <new>
 #include <sstream>
 
 #include "cli/commands.h"
@@ -134,15 +135,28 @@ std::string exported(const GroundNetwork& network, const std::string& format, st
   return std::move(out).str();
 }
 
-int run_ground(Options options, const Export& wanted) {
-  Session session(std::move(options));
-  std::vector<std::string> outputs;
-  if (!wanted.format.empty()) outputs.push_back(wanted.output);
-  if (!session.check_options(outputs)) return kBadInput;
+// As ground(), where memory may run out.
+GroundingResult ground_within_limits(Session& session, const Model& model, const Evidence& evidence, const Query& query,
+                                     const GroundingOptions& options) {
+  session.restrict_memory();
+  GroundingResult result;
+  try {
+    result = ground(model, evidence, query, options, session.monitor());
+  } catch (const std::bad_alloc&) {
+    result.termination = Termination::kMemoryLimit;
+    result.message = kMemoryMessage;
+  }
+  session.release_memory();
+  return result;
+}
+
+int ground_all(Session& session, const Export& wanted) {
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto databases = session.read_evidence(*model);
   if (!databases) return kBadInput;
+  const auto queries = session.read_queries(*model, *databases);
+  if (!queries) return kBadInput;
   const auto grounding = session.grounding_options(*model);
   if (!grounding) return kBadInput;
   if (!wanted.format.empty() && databases->size() > 1) {
@@ -154,9 +168,7 @@ int run_ground(Options options, const Export& wanted) {
   std::string text;
   Json documents = Json::array();
   for (std::size_t d = 0; d < databases->size(); ++d) {
-    const auto query = session.read_query(*model, (*databases)[d]);
-    if (!query) return kBadInput;
-    const GroundingResult result = ground(*model, (*databases)[d], *query, *grounding, session.monitor());
+    const GroundingResult result = ground_within_limits(session, *model, (*databases)[d], (*queries)[d], *grounding);
     std::vector<ConflictItem> conflict;
     if (result.conflict) {
       conflict = conflict_items(*result.conflict);
@@ -191,6 +203,14 @@ int run_ground(Options options, const Export& wanted) {
     document["databases"] = std::move(documents);
     return to_text(document);
   });
+}
+
+int run_ground(Options options, const Export& wanted) {
+  Session session(std::move(options));
+  std::vector<std::string> outputs;
+  if (!wanted.format.empty()) outputs.push_back(wanted.output);
+  if (!session.check_options(outputs)) return kBadInput;
+  return session.run("sherlog.ground/1", [&] { return ground_all(session, wanted); });
 }
 
 }  // namespace

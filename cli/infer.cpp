@@ -16,13 +16,6 @@ namespace {
 void print_remarks(Session& session, const InferenceReport& report, const std::string& prefix) {
   const InferenceResult& result = report.result;
   for (const std::string& warning : result.warnings) session.warning(prefix + warning);
-  if (result.diagnostics && !result.diagnostics->converged && result.warnings.empty()) {
-    session.warning(
-        fmt::format("{}{} of {} marginals have not converged (largest R-hat {:.3f}, smallest ESS {:.0f}): "
-                    "take more --samples or --method exact",
-                    prefix, result.diagnostics->not_converged, result.marginals.size(), result.diagnostics->rhat_max,
-                    result.diagnostics->ess_min));
-  }
   switch (result.termination) {
     case Termination::kCompleted:
       break;
@@ -38,13 +31,9 @@ void print_remarks(Session& session, const InferenceReport& report, const std::s
 }
 
 // The database's network is kept in `network`, the report points to it.
-InferenceReport answer(Session& session, const Model& model, const Evidence& evidence, const Query& query,
-                       const GroundingOptions& options, std::optional<GroundNetwork>& network) {
-  InferenceReport report;
-  report.model = &model;
-  report.evidence = &evidence;
-  report.result.options = session.inference_options();
-  report.result.seed = report.result.options.seed;
+void answer(Session& session, const Model& model, const Evidence& evidence, const Query& query,
+            const GroundingOptions& options, std::optional<GroundNetwork>& network, InferenceReport& report) {
+  session.restrict_memory();
   try {
     GroundingResult grounded = ground(model, evidence, query, options, session.monitor());
     report.seconds.ground = grounded.seconds;
@@ -55,25 +44,35 @@ InferenceReport answer(Session& session, const Model& model, const Evidence& evi
         report.conflict = conflict_items(*grounded.conflict);
         if (report.result.message.empty()) report.result.message = grounded.conflict->sentence;
       }
-      return report;
+      return;
     }
     network = std::move(grounded.network);
     report.network = &*network;
     report.result = infer(*network, session.inference_options(), session.monitor());
     report.seconds.infer = report.result.seconds;
+    session.release_memory();
     if (report.result.termination == Termination::kNoPossibleWorld) {
       report.conflict = conflict_items(model, evidence, *network, report.result.conflict);
     }
   } catch (const std::bad_alloc&) {
+    session.release_memory();
     report.result.termination = Termination::kMemoryLimit;
-    report.result.message = "the memory limit was reached";
+    report.result.message = kMemoryMessage;
   }
+}
+
+// Says already what is known of the answer before it is sought.
+InferenceReport blank_report(Session& session, const Model& model, const Evidence& evidence) {
+  InferenceReport report;
+  report.model = &model;
+  report.evidence = &evidence;
+  report.result.options = session.inference_options();
+  report.result.method = report.result.options.method;
+  report.result.seed = report.result.options.seed;
   return report;
 }
 
-int run_infer(Options options) {
-  Session session(std::move(options));
-  if (!session.check_options()) return kBadInput;
+int answer_all(Session& session) {
   if (session.options().queries.empty()) {
     session.error("nothing is asked: name predicates, ground atoms, patterns or formulas with -q");
     return kBadInput;
@@ -84,12 +83,8 @@ int run_infer(Options options) {
   if (!databases) return kBadInput;
   auto grounding = session.grounding_options(*model);
   if (!grounding) return kBadInput;
-  std::vector<Query> queries;
-  for (const Evidence& evidence : *databases) {  // all of them before the first answer: nothing is half done
-    auto query = session.read_query(*model, evidence);
-    if (!query) return kBadInput;
-    queries.push_back(std::move(*query));
-  }
+  const auto queries = session.read_queries(*model, *databases);
+  if (!queries) return kBadInput;
   const double parse_seconds = session.seconds();
 
   int code = kDone;
@@ -99,7 +94,8 @@ int run_infer(Options options) {
     const double start = session.seconds();
     grounding->max_seconds = session.seconds_left();
     std::optional<GroundNetwork> network;
-    InferenceReport report = answer(session, *model, (*databases)[d], queries[d], *grounding, network);
+    InferenceReport report = blank_report(session, *model, (*databases)[d]);
+    answer(session, *model, (*databases)[d], (*queries)[d], *grounding, network, report);
     report.seconds.parse = parse_seconds;
     report.seconds.total = session.seconds() - start + parse_seconds;
     const std::string prefix = databases->size() > 1 ? fmt::format("database {}: ", d + 1) : "";
@@ -120,6 +116,13 @@ int run_infer(Options options) {
     document["databases"] = std::move(documents);
     return to_text(document);
   });
+}
+
+int run_infer(Options options) {
+  Session session(std::move(options));
+  if (!session.check_options()) return kBadInput;
+  return session.run(
+      "sherlog.infer/1", [&] { return answer_all(session); }, true);
 }
 
 }  // namespace

@@ -89,8 +89,9 @@ std::string marginal_table(const GroundNetwork& network, const InferenceResult& 
     last_was_block = block;
     for (std::size_t q : group) {
       const Marginal& marginal = result.marginals[q];
-      std::vector<std::string> row{query_text(network, network.queries()[q]),
-                                   std::isnan(marginal.probability) ? "-" : fmt::format("{:.6f}", marginal.probability)};
+      std::vector<std::string> row{
+          query_text(network, network.queries()[q]),
+          std::isnan(marginal.probability) ? "-" : fmt::format("{:.6f}", marginal.probability)};
       const auto cell = [&](bool column, const std::optional<double>& value, const char* format) {
         if (column) row.push_back(value ? fmt::format(fmt::runtime(format), *value) : "");
       };
@@ -175,8 +176,6 @@ ConflictItem evidence_item(const Model& model, const Evidence& evidence, const S
   return item;
 }
 
-bool samples(const std::string& method) { return method == "mcsat" || method == "gibbs"; }
-
 std::string place_text(const ConflictItem& item) {
   if (item.file.empty()) return "sherlog";
   if (item.line == 0) return item.file;
@@ -240,9 +239,8 @@ std::vector<ConflictItem> conflict_items(const Model& model, const Evidence& evi
 }
 
 std::string conflict_text(const std::vector<ConflictItem>& conflict, const std::string& sentence) {
-  std::string text =
-      fmt::format("{}: error: {}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
-                  sentence.empty() ? "no possible world" : sentence);
+  std::string text = fmt::format("{}: error: {}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
+                                 sentence.empty() ? "no possible world" : sentence);
   for (const ConflictItem& item : conflict) {
     text +=
         fmt::format("{}: note: {}{}\n", place_text(item), item.is_formula ? "hard formula: " : "evidence: ", item.text);
@@ -267,8 +265,8 @@ std::string infer_text(const InferenceReport& report) {
   if (report.network == nullptr || result.termination == Termination::kNoPossibleWorld) return "";
   const GroundNetwork& network = *report.network;
   std::string text = fmt::format("method {}", result.method);
-  if (samples(result.method)) {
-    text += fmt::format(", {} samples, {} chains, burn-in {}, seed {}", result.options.samples, result.options.chains,
+  if (result.samples > 0) {
+    text += fmt::format(", {} samples, {} chains, burn-in {}, seed {}", result.samples, result.options.chains,
                         result.options.burn_in, result.seed);
   }
   text += fmt::format("; {} ({:.3f} s)\n", to_string(result.termination), report.seconds.total);
@@ -295,8 +293,8 @@ Json infer_json(const InferenceReport& report) {
                      {"infer", report.seconds.infer},
                      {"total", report.seconds.total}};
   json["seed"] = result.options.seed;
-  if (samples(result.method)) {
-    json["samples"] = result.options.samples;
+  if (result.samples > 0) {
+    json["samples"] = result.samples;
     json["chains"] = result.options.chains;
     json["burn_in"] = result.options.burn_in;
   }

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <new>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "cli/output.h"
@@ -17,27 +18,18 @@
 namespace sherlog::cli {
 namespace {
 
-const std::thread::id main_thread = std::this_thread::get_id();
-
-// A worker thread cannot hand an allocation failure over; the main thread can, and main() says what happened.
-void on_out_of_memory() {
-  if (std::this_thread::get_id() == main_thread) throw std::bad_alloc();
-  static constexpr std::string_view kMessage = "sherlog: error: the memory limit was reached\n";
-  (void)!::write(STDERR_FILENO, kMessage.data(), kMessage.size());
-  _exit(kLimitReached);
-}
-
-// The library counts what it allocates in bulk and stops in time; this is the backstop for everything else.
+// The library counts what it allocates in bulk and stops in time; this is the backstop for everything else: an allocation
+// beyond it throws std::bad_alloc.
 void limit_memory(std::size_t bytes, std::uint32_t threads) {
-  std::set_new_handler(on_out_of_memory);
 #if !defined(__SANITIZE_ADDRESS__)
   constexpr std::size_t kStack = 8u << 20;  // each thread reserves one without using it
   const std::size_t workers = threads != 0 ? threads : std::max(1u, std::thread::hardware_concurrency());
   const std::size_t reserved = workers * kStack;
-  if (bytes > std::numeric_limits<rlim_t>::max() - reserved) return;
   rlimit limit = {};
   if (getrlimit(RLIMIT_DATA, &limit) != 0) return;
-  limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, bytes + reserved);
+  limit.rlim_cur = bytes > std::numeric_limits<rlim_t>::max() - reserved
+                       ? limit.rlim_max
+                       : std::min<rlim_t>(limit.rlim_max, bytes + reserved);
   setrlimit(RLIMIT_DATA, &limit);
 #else
   (void)bytes, (void)threads;
@@ -63,7 +55,8 @@ void add_common_options(CLI::App& command, Options& options) {
       ->group("Common")
       ->check([](const std::string& text) {
         const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
-        return digits && text.size() <= 19 ? std::string() : "expected a whole number from 0 to 10^19 - 1, not '" + text + "'";
+        return digits && text.size() <= 19 ? std::string()
+                                           : "expected a whole number from 0 to 10^19 - 1, not '" + text + "'";
       });
   command
       .add_option("--threads", options.threads, "Threads; the answer does not depend on them (default 0: all cores)")
@@ -179,7 +172,7 @@ bool Session::check_options(const std::vector<std::string>& outputs) {
              false;
     }
     max_memory_ = *bytes;
-    limit_memory(max_memory_, options_.threads);
+    restrict_memory();
   }
   std::vector<std::string> all = outputs;
   if (wants_json()) all.push_back(options_.json);
@@ -206,10 +199,10 @@ std::optional<std::vector<Evidence>> Session::read_evidence(const Model& model) 
   return databases;
 }
 
-std::optional<Query> Session::read_query(const Model& model, const Evidence& evidence) {
-  auto query = parse_query(model, evidence, options_.queries, diagnostics_);
+std::optional<std::vector<Query>> Session::read_queries(const Model& model, const std::vector<Evidence>& databases) {
+  auto queries = parse_queries(model, databases, options_.queries, diagnostics_);
   print_diagnostics();
-  return query;
+  return queries;
 }
 
 std::optional<GroundingOptions> Session::grounding_options(const Model& model) {
@@ -251,15 +244,37 @@ InferenceOptions Session::inference_options() const {
   return result;
 }
 
+void Session::restrict_memory() {
+  if (!options_.max_memory_text.empty()) limit_memory(max_memory_, options_.threads);
+}
+
+void Session::release_memory() {
+  if (!options_.max_memory_text.empty()) limit_memory(std::numeric_limits<std::size_t>::max(), options_.threads);
+}
+
+int Session::run(const char* schema, const std::function<int()>& body, bool wants_method) {
+  try {
+    return body();
+  } catch (const std::bad_alloc&) {
+    release_memory();
+  }
+  error(kMemoryMessage);
+  return finish(kLimitReached, "", [&] {
+    nlohmann::ordered_json json;
+    json["schema"] = schema;
+    if (wants_method) json["method"] = options_.method;
+    json["termination"] = to_string(Termination::kMemoryLimit);
+    json["message"] = kMemoryMessage;
+    return json.dump(2) + "\n";
+  });
+}
+
 void Session::print_diagnostics() {
   for (; printed_ < diagnostics_.all().size(); ++printed_) {
     const Diagnostic& diagnostic = diagnostics_.all()[printed_];
     if (options_.quiet && diagnostic.severity == Severity::kWarning) continue;
-    std::string text = diagnostics_.render(diagnostic, colour_);
-    // The same query is read once for each database.
-    if (std::find(printed_texts_.begin(), printed_texts_.end(), text) != printed_texts_.end()) continue;
+    const std::string text = diagnostics_.render(diagnostic, colour_);
     print_message(text);
-    printed_texts_.push_back(std::move(text));
   }
   const std::size_t errors =
       static_cast<std::size_t>(std::count_if(diagnostics_.all().begin(), diagnostics_.all().end(),
@@ -289,6 +304,7 @@ void Session::warning(std::string_view text) {
 }
 
 int Session::finish(int code, const std::string& text, const std::function<std::string()>& json) {
+  release_memory();
   monitor_.clear();
   std::optional<std::string> problem;
   if (wants_json()) problem = write_to(options_.json, json());

@@ -53,6 +53,8 @@ CLI::Validator one_of(std::vector<std::string> words);
 // "500M", "2G", "4GiB", "1000000" in bytes: K, M, G, T (also KB, ...) are powers of 1000, KiB, ... of 1024.
 std::optional<std::size_t> parse_size(std::string_view text);
 
+inline constexpr const char* kMemoryMessage = "the memory limit was reached";
+
 // One run of one command.
 class Session {
  public:
@@ -70,9 +72,16 @@ class Session {
   // The inputs, or nothing after printing what is wrong.
   std::optional<Model> read_model();
   std::optional<std::vector<Evidence>> read_evidence(const Model& model);
-  std::optional<Query> read_query(const Model& model, const Evidence& evidence);
+  std::optional<std::vector<Query>> read_queries(const Model& model, const std::vector<Evidence>& databases);
   std::optional<GroundingOptions> grounding_options(const Model& model);
   InferenceOptions inference_options() const;
+
+  // --max-memory as a backstop holds while inputs are read and answers are sought; what is found by then is reported without it.
+  void restrict_memory();
+  void release_memory();
+  // The command; where memory runs out, a document of that schema that says so
+  // (`wants_method`: with the method that was asked for).
+  int run(const char* schema, const std::function<int()>& body, bool wants_method = false);
 
   // Prints the messages that were not printed so far; warnings only without --quiet.
   void print_diagnostics();
@@ -94,7 +103,6 @@ class Session {
   bool colour_;
   std::size_t max_memory_ = std::numeric_limits<std::size_t>::max();
   std::size_t printed_ = 0;  // diagnostics
-  std::vector<std::string> printed_texts_;
   bool counted_rest_ = false;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };

@@ -16,6 +16,7 @@
 
 #include "inference/conflict.h"
 #include "inference/elimination.h"
+#include "inference/parallel.h"
 #include "inference/prepared_component.h"
 
 namespace sherlog {
@@ -81,14 +82,24 @@ class ExactRun {
     const auto work = [&] {
       for (std::size_t i = next++; i < context_.components.size(); i = next++) {
         if (context_.stop.reached()) return;
-        answers_[i] = answer(context_.components[i]);
+        answers_[i] = answer_or_limit(context_.components[i]);
         const auto done = static_cast<double>(++done_);
         context_.stop.monitor().progress("exact", done, static_cast<double>(context_.components.size()));
       }
     };
-    std::vector<std::jthread> helpers;
-    for (std::size_t t = 1; t < threads; ++t) helpers.emplace_back(work);
-    work();
+    run_on_threads(threads, work);
+  }
+
+  Answer answer_or_limit(ComponentId component) {
+    try {
+      return answer(component);
+    } catch (const std::bad_alloc&) {
+      Answer out;
+      out.started = true;
+      out.termination = Termination::kMemoryLimit;
+      out.message = fmt::format("memory ran out in {}", describe(context_.network, component));
+      return out;
+    }
   }
 
   Answer answer(ComponentId component) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 
 #include "inference/exact.h"
 #include "inference/group_lifting.h"
@@ -15,7 +16,7 @@ namespace {
 
 // `auto` answers a component exactly where elimination touches at most this many table entries (log2), some tenths of a second.
 constexpr double kAutoExactLog2 = 24.0;
-constexpr double kConvergedRhat = 1.01;      // Vehtari et al. 2021, section 4
+constexpr double kConvergedRhat = 1.01;  // Vehtari et al. 2021, section 4
 constexpr double kConvergedEssPerChain = 100.0;
 
 // Marginals, by the chosen method or by `auto`'s choice for each component.
@@ -35,7 +36,8 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
   if (wide.empty()) return result;
   if (result.termination != Termination::kCompleted) {
     for (ComponentId c : wide) {
-      for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q].probability = std::numeric_limits<double>::quiet_NaN();
+      for (std::uint32_t q : context.network.component_queries(c))
+        result.marginals[q].probability = std::numeric_limits<double>::quiet_NaN();
     }
     return result;
   }
@@ -44,6 +46,7 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
     for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q] = sampled.marginals[q];
   }
   result.log_partition.reset();
+  result.samples = sampled.samples;
   result.termination = sampled.termination;
   result.message = std::move(sampled.message);
   result.conflict = std::move(sampled.conflict);
@@ -53,22 +56,28 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
 
 ChainDiagnostics judge(const std::vector<Marginal>& marginals, std::uint32_t chains) {
   ChainDiagnostics diagnostics;
-  diagnostics.rhat_max = 0.0;
-  diagnostics.ess_min = std::numeric_limits<double>::infinity();
   for (const Marginal& m : marginals) {
-    if (!m.mcse) continue;  // not sampled
+    if (!m.mcse) continue;    // not sampled
     if (!m.ess || !m.rhat) {  // too few draws to tell
       ++diagnostics.not_converged;
       continue;
     }
     const double rhat = *m.rhat, ess = *m.ess;
-    diagnostics.rhat_max = std::max(diagnostics.rhat_max, rhat);
-    diagnostics.ess_min = std::min(diagnostics.ess_min, ess);
+    diagnostics.rhat_max = std::max(diagnostics.rhat_max.value_or(rhat), rhat);
+    diagnostics.ess_min = std::min(diagnostics.ess_min.value_or(ess), ess);
     if (!(rhat < kConvergedRhat) || ess < kConvergedEssPerChain * chains) ++diagnostics.not_converged;
   }
   diagnostics.converged = diagnostics.not_converged == 0;
-  if (!std::isfinite(diagnostics.ess_min)) diagnostics.ess_min = 0.0;
   return diagnostics;
+}
+
+std::string convergence_warning(const ChainDiagnostics& diagnostics, std::size_t marginals) {
+  const std::string figures =
+      diagnostics.rhat_max && diagnostics.ess_min
+          ? fmt::format("largest R-hat {:.3f}, smallest ESS {:.0f}", *diagnostics.rhat_max, *diagnostics.ess_min)
+          : "too few draws to tell";
+  return fmt::format("{} of {} marginals have not converged ({}): take more --samples, or another method",
+                     diagnostics.not_converged, marginals, figures);
 }
 
 struct Bounds {
@@ -96,7 +105,8 @@ std::string validate(const InferenceOptions& options) {
       {"restarts", static_cast<double>(options.restarts), 1, 1e6},
   };
   for (const Bounds& b : bounds) {
-    if (!(b.value >= b.least)) return fmt::format("option '{}' is {}, but must be at least {}", b.name, b.value, b.least);
+    if (!(b.value >= b.least))
+      return fmt::format("option '{}' is {}, but must be at least {}", b.name, b.value, b.least);
     if (!(b.value <= b.most)) return fmt::format("option '{}' is {}, but must be at most {}", b.name, b.value, b.most);
   }
   return {};
@@ -128,12 +138,14 @@ std::vector<ComponentId> all_components(const GroundNetwork& network) {
 }
 
 // Biases (by atom) that make the soft targets' posteriors what they should be; or result.termination says why there are none.
-std::vector<double> fit_soft_targets(const GroundNetwork& network, const Method* method, const InferenceOptions& options,
-                                     const StopCondition& stop, InferenceResult& result) {
+std::vector<double> fit_soft_targets(const GroundNetwork& network, const Method* method,
+                                     const InferenceOptions& options, const StopCondition& stop,
+                                     InferenceResult& result) {
   const TargetedNetwork targeted = with_target_queries(network);
   // Only components with a target matter.
   std::vector<ComponentId> components;
-  for (const SoftTarget& t : network.soft_targets()) components.push_back(targeted.network.component_of(targeted.network.variable_of(t.atom)));
+  for (const SoftTarget& t : network.soft_targets())
+    components.push_back(targeted.network.component_of(targeted.network.variable_of(t.atom)));
   std::ranges::sort(components);
   components.erase(std::unique(components.begin(), components.end()), components.end());
   std::vector<double> biases(network.atom_count(), 0.0);
@@ -162,25 +174,15 @@ std::vector<double> fit_soft_targets(const GroundNetwork& network, const Method*
   return biases;
 }
 
-}  // namespace
-
-InferenceResult infer(const GroundNetwork& original, const InferenceOptions& options, Monitor& monitor) {
-  InferenceResult result;
-  result.options = options;
-  result.seed = options.seed;
-  result.method = options.method;
-  result.message = validate(options);
-  if (!result.message.empty()) {
-    result.termination = Termination::kRefused;
-    return result;
-  }
-  const StopCondition stop(monitor, options.max_seconds);
-  const bool finite = std::isfinite(original.constant_score()) &&
-                      std::ranges::all_of(original.features(), [](const Feature& f) { return std::isfinite(f.weight); });
+void infer_into(InferenceResult& result, const GroundNetwork& original, const InferenceOptions& options,
+                const StopCondition& stop) {
+  const bool finite =
+      std::isfinite(original.constant_score()) &&
+      std::ranges::all_of(original.features(), [](const Feature& f) { return std::isfinite(f.weight); });
   if (!finite) {
     result.termination = Termination::kRefused;
     result.message = "the weights of ground formulas add up to more than a number can hold";
-    return result;
+    return;
   }
   const Method* method = options.method == "auto" ? nullptr : find_method(options.method);
   const bool wants_map = method != nullptr && method->finds_map;
@@ -190,10 +192,7 @@ InferenceResult infer(const GroundNetwork& original, const InferenceOptions& opt
   std::vector<double> biases;
   if (!network.soft_targets().empty()) {
     biases = fit_soft_targets(network, method, options, stop, result);
-    if (result.termination != Termination::kCompleted) {
-      result.seconds = stop.seconds();
-      return result;
-    }
+    if (result.termination != Termination::kCompleted) return;
   }
   const std::vector<ComponentId> components = all_components(network);
   const MethodContext context{network, components, options, stop, biases};
@@ -202,6 +201,7 @@ InferenceResult infer(const GroundNetwork& original, const InferenceOptions& opt
   result.message = std::move(run.message);
   result.conflict = std::move(run.conflict);
   result.warnings = std::move(run.warnings);
+  result.samples = run.samples;
   // A formula that the evidence decides has no component: nobody asked a method.
   for (std::size_t q = 0; !wants_map && q < network.queries().size(); ++q) {
     const Literal literal = network.queries()[q].literal;
@@ -230,11 +230,34 @@ InferenceResult infer(const GroundNetwork& original, const InferenceOptions& opt
     if (sampled) {
       result.diagnostics = judge(result.marginals, options.chains);
       if (!result.diagnostics->converged) {
-        result.warnings.push_back(fmt::format(
-            "{} of {} marginals have not converged (largest R-hat {:.3f}, smallest ESS {:.0f}): take more --samples, or another method",
-            result.diagnostics->not_converged, result.marginals.size(), result.diagnostics->rhat_max, result.diagnostics->ess_min));
+        result.warnings.push_back(convergence_warning(*result.diagnostics, result.marginals.size()));
       }
     }
+  }
+}
+
+}  // namespace
+
+InferenceResult infer(const GroundNetwork& original, const InferenceOptions& options, Monitor& monitor) {
+  const StopCondition stop(monitor, options.max_seconds);
+  InferenceResult result;
+  result.options = options;
+  result.seed = options.seed;
+  result.method = options.method;
+  result.message = validate(options);
+  if (!result.message.empty()) {
+    result.termination = Termination::kRefused;
+    return result;
+  }
+  try {
+    infer_into(result, original, options, stop);
+  } catch (const std::bad_alloc&) {
+    result.marginals.clear();
+    result.map.reset();
+    result.diagnostics.reset();
+    result.samples = 0;
+    result.termination = Termination::kMemoryLimit;
+    result.message = "memory ran out";
   }
   result.seconds = stop.seconds();
   return result;

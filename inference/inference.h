@@ -15,17 +15,17 @@
 namespace sherlog {
 
 struct InferenceOptions {
-  std::string method = "auto";    // a name of the registry, see methods()
+  std::string method = "auto";  // a name of the registry, see methods()
   std::uint64_t seed = 1;
-  std::uint32_t threads = 0;      // 0: as many as the machine has; the answer does not depend on it
+  std::uint32_t threads = 0;  // 0: as many as the machine has; the answer does not depend on it
   double max_seconds = std::numeric_limits<double>::infinity();
   std::size_t max_memory = std::numeric_limits<std::size_t>::max();  // bytes
   // Sampling
   std::uint32_t samples = 20000;  // kept draws in all chains together
   std::uint32_t chains = 4;
-  std::uint32_t burn_in = 200;    // sweeps a chain
+  std::uint32_t burn_in = 200;  // sweeps a chain
   // Exact
-  double max_table_log2 = 24;     // the largest table of an elimination, in log2 of its entries
+  double max_table_log2 = 24;  // the largest table of an elimination, in log2 of its entries
   // MAP
   std::uint64_t flips = 1000000;  // MaxWalkSAT, a restart
   std::uint32_t restarts = 4;
@@ -49,20 +49,20 @@ struct MapSolution {
 };
 
 struct ChainDiagnostics {
-  bool converged = false;   // every R-hat below 1.01 and every ESS above 100 a chain
-  double rhat_max = 0.0;
-  double ess_min = 0.0;
-  std::size_t not_converged = 0;  // how many queried atoms miss that
+  bool converged = false;                   // every R-hat below 1.01 and every ESS above 100 a chain
+  std::optional<double> rhat_max, ess_min;  // of the marginals that have them
+  std::size_t not_converged = 0;            // how many queried atoms miss that
 };
 
 struct InferenceResult {
-  std::string method;              // the one that ran
+  std::string method;  // the one that ran
   Termination termination = Termination::kCompleted;
-  std::string message;             // a sentence where not completed, or where something is to be said
+  std::string message;  // a sentence where not completed, or where something is to be said
   std::optional<double> log_partition;
   std::vector<Marginal> marginals;  // in the order of network.queries(); empty for MAP
   std::optional<MapSolution> map;
   std::optional<ChainDiagnostics> diagnostics;
+  std::uint64_t samples = 0;  // draws kept in all chains together; fewer than asked for where a limit cut them short
   std::vector<std::uint32_t> conflict;  // kNoPossibleWorld: constraints (indices) that no world meets together, small
   std::vector<std::string> warnings;
   double seconds = 0.0;
@@ -93,6 +93,7 @@ struct MethodResult {
   std::vector<std::uint32_t> values;    // MAP: by variable of the network; entries of other components are left alone
   double map_score = 0.0;               // sum of the features of the given components at `values`
   double map_bound = 0.0;               // no world scores more
+  std::uint64_t samples = 0;            // draws kept in all chains together
   std::vector<std::uint32_t> conflict;  // where kNoPossibleWorld, if known
   std::vector<std::string> warnings;
 };

@@ -4,8 +4,8 @@
 #include <atomic>
 #include <cmath>
 #include <memory>
-#include <thread>
 
+#include "inference/parallel.h"
 #include "inference/rng.h"
 #include "inference/world.h"
 
@@ -13,9 +13,9 @@ namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kNowhere = 0xffffffffu;
-constexpr std::uint32_t kMaxMoves = 48;          // looked at in one step; of longer formulas a random window
-constexpr std::uint64_t kStepsPerCheck = 1024;   // between looks at the clock
-constexpr double kEpsilon = 1e-9;                // scores closer than this are equal: sums drift by rounding
+constexpr std::uint32_t kMaxMoves = 48;         // looked at in one step; of longer formulas a random window
+constexpr std::uint64_t kStepsPerCheck = 1024;  // between looks at the clock
+constexpr double kEpsilon = 1e-9;               // scores closer than this are equal: sums drift by rounding
 
 struct Change {
   std::int64_t broken = 0;
@@ -82,7 +82,8 @@ class SearchState {
     broken_.clear(), unhappy_.clear();
     for (std::size_t v = 0; v < values_.size(); ++v) {
       const VariableId variable(v);
-      if (values_[v] < network_.candidate_count(variable)) truth_[network_.first_atom(variable).index() + values_[v]] = 1;
+      if (values_[v] < network_.candidate_count(variable))
+        truth_[network_.first_atom(variable).index() + values_[v]] = 1;
     }
     for (std::uint32_t g = 0; g < network_.gate_count(); ++g) {
       for (Literal input : network_.gate_inputs(GateId(g))) {
@@ -305,15 +306,20 @@ class BestWorld {
   double score_ = 0.0;
 };
 
-LocalOptimum summary(const SearchState& state) {
-  return {state.values(), state.broken().size(), state.score(), 0};
-}
+LocalOptimum summary(const SearchState& state) { return {state.values(), state.broken().size(), state.score(), 0}; }
 
 class Restart {
  public:
   Restart(const WorldIndex& index, const MaxWalkSatOptions& options, const StopCondition& stop, std::uint32_t number)
-      : index_(index), network_(index.network()), options_(options), stop_(stop), rng_(options.seed, number), state_(index),
-        finder_(index, state_, rng_), best_(network_.variable_count()), changed_at_(network_.variable_count(), 0) {}
+      : index_(index),
+        network_(index.network()),
+        options_(options),
+        stop_(stop),
+        rng_(options.seed, number),
+        state_(index),
+        finder_(index, state_, rng_),
+        best_(network_.variable_count()),
+        changed_at_(network_.variable_count(), 0) {}
 
   LocalOptimum run(const std::vector<std::uint32_t>* start, const std::atomic<std::uint32_t>& finished) {
     state_.assign(start != nullptr ? *start : random_start());
@@ -420,10 +426,7 @@ LocalOptimum max_walk_sat(const GroundNetwork& network, const MaxWalkSatOptions&
     }
   };
   const std::uint32_t threads = std::clamp<std::uint32_t>(options.threads, 1, restarts);
-  std::vector<std::jthread> pool;
-  for (std::uint32_t t = 1; t < threads; ++t) pool.emplace_back(work);
-  work();
-  pool.clear();
+  run_on_threads(threads, work);
   LocalOptimum best = std::move(results[0]);
   std::uint64_t flips = best.flips;
   for (std::uint32_t r = 1; r < restarts; ++r) {

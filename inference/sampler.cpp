@@ -18,6 +18,7 @@
 #include "inference/defined_atoms.h"
 #include "inference/ergodicity.h"
 #include "inference/group_move.h"
+#include "inference/parallel.h"
 #include "inference/propagation.h"
 #include "inference/sample_sat.h"
 #include "inference/slice.h"
@@ -105,7 +106,8 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
       if (plan.index->demand(node) != 0) part.demanded.push_back(node);
     }
     part.queried = !n.component_queries(c).empty();
-    std::ranges::copy_if(all, std::back_inserter(part.variables), [&](VariableId v) { return !plan.defined.contains(v); });
+    std::ranges::copy_if(all, std::back_inserter(part.variables),
+                         [&](VariableId v) { return !plan.defined.contains(v); });
     const auto& variables = part.variables;
     part.cover = cover_component(*plan.index, variables, context.options.seed, context.stop);
     part.jump = kernel == Kernel::kMcSat && !part.cover.whole && !n.component_constraints(c).empty() &&
@@ -135,7 +137,8 @@ class Chain {
       if (component.cover.whole) continue;
       Part& part = parts_.back();
       part.groups = std::make_unique<GroupMoves>(*plan.index, component.variables);
-      if (kernel == Kernel::kMcSat) part.slice = std::make_unique<SliceStep>(*plan.index, component.variables, component.jump);
+      if (kernel == Kernel::kMcSat)
+        part.slice = std::make_unique<SliceStep>(*plan.index, component.variables, component.jump);
       part.slice_every = part.groups->empty() ? kSliceEvery : kSliceEveryOfGroups;
       // A unit of work: one use of an atom by a gate.
       for (VariableId v : component.variables) {
@@ -217,7 +220,6 @@ class Chain {
   static constexpr std::uint32_t kSliceEvery = 4;
   static constexpr std::uint32_t kSliceEveryOfGroups = 16;
 
-
   // Chains 0 and 1 (2 and 3, ...) start from opposite values; the first pair from all false and all true.
   void scatter() {
     Rng shared(0x5ca77e5, number_ / 2);
@@ -241,18 +243,25 @@ class Chain {
   std::uint32_t sweeps_ = 0;
 };
 
-// How many draws each chain keeps, and every which of them goes to the diagnostics.
+// How many draws each chain keeps (all together as many as were asked for), and every which of them goes to the diagnostics.
 struct Schedule {
-  std::uint32_t draws = 0;
+  std::uint32_t chains = 0;
+  std::uint32_t draws = 0;   // of each chain
+  std::uint32_t longer = 0;  // so many of the first chains keep one more
   std::uint32_t thin = 1;
+
+  std::uint32_t draws_of(std::uint32_t chain) const { return draws + (chain < longer ? 1 : 0); }
 };
 
 Schedule make_schedule(const InferenceOptions& options, std::size_t queries) {
   Schedule schedule;
-  schedule.draws = std::max(1u, (options.samples + options.chains - 1) / options.chains);
+  schedule.chains = std::min(options.chains, options.samples);  // each keeps a draw
+  schedule.draws = options.samples / schedule.chains;
+  schedule.longer = options.samples % schedule.chains;
   const std::size_t budget = std::min(kRecordBytes, options.max_memory / 4);
-  const double bytes = static_cast<double>(queries) * options.chains * (schedule.draws / 8.0);
-  schedule.thin = static_cast<std::uint32_t>(std::max(1.0, std::ceil(bytes / static_cast<double>(std::max<std::size_t>(budget, 1)))));
+  const double bytes = static_cast<double>(queries) * options.samples / 8.0;
+  schedule.thin = static_cast<std::uint32_t>(
+      std::max(1.0, std::ceil(bytes / static_cast<double>(std::max<std::size_t>(budget, 1)))));
   return schedule;
 }
 
@@ -263,15 +272,16 @@ struct ChainRecord {
   std::size_t failed_component = 0;
 };
 
-void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, std::uint32_t number, const Schedule& schedule,
-               std::atomic<std::uint64_t>& done, ChainRecord& record) {
+void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, std::uint32_t number,
+               const Schedule& schedule, std::atomic<std::uint64_t>& done, ChainRecord& record) {
   Chain chain(plan, context.options, kernel, number);
   record.counts.assign(plan.queries.size(), 0);
-  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), schedule.draws / schedule.thin + 1);
+  const std::uint32_t draws = schedule.draws_of(number);
+  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), draws / schedule.thin + 1);
   record.failed_component = chain.start(context.stop);
   if (record.failed_component != 0) return;
-  const std::uint32_t total = context.options.burn_in + schedule.draws;
-  for (std::uint32_t i = 0; i < total && !context.stop.reached(); ++i) {
+  const std::uint64_t total = std::uint64_t{context.options.burn_in} + draws;
+  for (std::uint64_t i = 0; i < total && !context.stop.reached(); ++i) {
     chain.sweep();
     if (i >= context.options.burn_in) {
       const bool keep = record.draws % schedule.thin == 0;
@@ -286,7 +296,7 @@ void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, st
     const std::uint64_t so_far = ++done;
     if ((so_far & 63u) == 0) {
       context.stop.monitor().progress("sampling", static_cast<double>(so_far),
-                                      static_cast<double>(total) * context.options.chains);
+                                      static_cast<double>(total) * schedule.chains);
     }
   }
   record.recorder->finish();
@@ -308,7 +318,8 @@ MethodResult explain_failure(const MethodContext& context) {
     result.message = "the hard formulas contradict each other";
   } else {
     result.termination = context.stop.reached() ? context.stop.reason() : Termination::kTimeLimit;
-    result.message = "no world that meets the hard formulas was found; 'exact' or 'map' may settle whether there is one";
+    result.message =
+        "no world that meets the hard formulas was found; 'exact' or 'map' may settle whether there is one";
   }
   return result;
 }
@@ -337,15 +348,18 @@ void summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records
 MethodResult sample(const MethodContext& context, Kernel kernel) {
   MethodResult result;
   // What is not computed is no number, least of all 0.
-  result.marginals.assign(context.network.queries().size(), Marginal{std::numeric_limits<double>::quiet_NaN(), {}, {}, {}});
+  result.marginals.assign(context.network.queries().size(),
+                          Marginal{std::numeric_limits<double>::quiet_NaN(), {}, {}, {}});
   if (context.components.empty()) return result;
   if (kernel == Kernel::kGibbs) {
     for (ComponentId c : context.components) {
-      if (context.network.component_constraints(c).empty() || single_moves_reach_every_world(context.network, c)) continue;
+      if (context.network.component_constraints(c).empty() || single_moves_reach_every_world(context.network, c))
+        continue;
       result.termination = Termination::kRefused;
       const Constraint& example = context.network.constraints()[context.network.component_constraints(c).front()];
       result.message = fmt::format(
-          "gibbs cannot reach every possible world by changing one variable at a time, because of hard formulas such as '{}'; "
+          "gibbs cannot reach every possible world by changing one variable at a time, because of hard formulas such "
+          "as '{}'; "
           "use --method mcsat, or exact",
           context.network.literal_text(example.literal, 120));
       return result;
@@ -358,33 +372,22 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
     return failure;
   }
   const Schedule schedule = make_schedule(context.options, plan.queries.size());
-  std::vector<ChainRecord> records(context.options.chains);
+  std::vector<ChainRecord> records(schedule.chains);
   std::atomic<std::uint32_t> next{0};
   std::atomic<std::uint64_t> done{0};
-  std::atomic<bool> out_of_memory{false};
   const auto work = [&] {
-    try {
-      for (std::uint32_t c = next++; c < records.size(); c = next++) run_chain(plan, context, kernel, c, schedule, done, records[c]);
-    } catch (const std::bad_alloc&) {
-      out_of_memory = true;
-    }
+    for (std::uint32_t c = next++; c < records.size(); c = next++)
+      run_chain(plan, context, kernel, c, schedule, done, records[c]);
   };
   const std::uint32_t hardware = std::max(1u, std::thread::hardware_concurrency());
-  const std::uint32_t threads = std::min(context.options.threads == 0 ? hardware : context.options.threads, context.options.chains);
-  std::vector<std::jthread> pool;
-  for (std::uint32_t t = 1; t < threads; ++t) pool.emplace_back(work);
-  work();
-  pool.clear();
+  const std::uint32_t threads =
+      std::min(context.options.threads == 0 ? hardware : context.options.threads, schedule.chains);
+  run_on_threads(threads, work);
 
   // A limit may have kept some chains from starting: those that have draws speak.
-  const bool failed = std::ranges::any_of(records, [](const ChainRecord& r) { return r.failed_component != 0; });
+  const auto failed = std::ranges::count_if(records, [](const ChainRecord& r) { return r.failed_component != 0; });
   std::erase_if(records, [](const ChainRecord& r) { return r.draws == 0; });
-  if (out_of_memory) {
-    result.termination = Termination::kMemoryLimit;
-    result.message = "memory ran out while sampling";
-    return result;
-  }
-  if (records.empty() && failed) {
+  if (records.empty() && failed > 0) {
     MethodResult failure = explain_failure(context);
     failure.marginals = std::move(result.marginals);
     return failure;
@@ -395,13 +398,14 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
     return result;
   }
   summarize_queries(plan, records, result.marginals);
-  if (context.stop.reached()) {
-    std::uint64_t draws = 0;
-    for (const ChainRecord& r : records) draws += r.draws;
-    if (draws < std::uint64_t{schedule.draws} * context.options.chains) {
-      result.termination = context.stop.reason();
-      result.message = fmt::format("stopped after {} of {} draws", draws, std::uint64_t{schedule.draws} * context.options.chains);
-    }
+  for (const ChainRecord& r : records) result.samples += r.draws;
+  if (context.stop.reached() && result.samples < context.options.samples) {
+    result.termination = context.stop.reason();
+    result.message = fmt::format("stopped after {} of {} draws", result.samples, context.options.samples);
+  } else if (failed > 0) {
+    result.warnings.push_back(
+        fmt::format("{} of {} chains found no first world that meets the hard formulas: {} of {} draws were kept",
+                    failed, schedule.chains, result.samples, context.options.samples));
   }
   return result;
 }

@@ -154,6 +154,84 @@ TEST_F(Cli, SeveralDatabasesAreAnsweredInOrder) {
   EXPECT_EQ(result["databases"][1]["marginals"][1]["atom"], "Heads(Nickel)");
 }
 
+TEST_F(Cli, ConstantThatOneDatabaseLacksIsAnsweredInTheOthers) {
+  scratch.write("two.db", "coin = {Penny}\n---\ncoin = {Penny, Nickel}\n");
+  const Outcome outcome = run("infer -m coin.mln -e two.db -q 'Heads(Nickel)' --json -");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("warning: 'Nickel' is no constant of domain 'coin' in database 1"));
+  const json result = json::parse(outcome.out);
+  EXPECT_EQ(result["databases"][0]["marginals"].size(), 0u);
+  EXPECT_EQ(result["databases"][1]["marginals"].size(), 1u);
+  // The predicate is asked about, so it is open everywhere: one coin with odds of 3 to 1, or two.
+  EXPECT_NEAR(result["databases"][0]["log_partition"].get<double>(), std::log(4), 1e-12);
+  EXPECT_NEAR(result["databases"][1]["log_partition"].get<double>(), std::log(16), 1e-12);
+  EXPECT_EQ(run("ground -m coin.mln -e two.db -q 'Heads(Nickel)'").code, 0);
+  EXPECT_EQ(run("infer -m coin.mln -e two.db -q 'Heads(Dime)'").code, 2);
+}
+
+// The limit ends the run while the text is read, while it is grounded, or later: there is a document in each case.
+TEST_F(Cli, MemoryLimitIsReportedInTheDocument) {
+  std::string grid = "Lit(cell)\nNext(cell,cell)\n0.8 Next(x,y) => (Lit(x) <=> Lit(y))\n";
+  std::string cells;
+  for (int i = 0; i < 40; ++i) {
+    for (int j = 0; j < 40; ++j) {
+      cells += "Next(C" + std::to_string(i) + "_" + std::to_string(j) + ",C" + std::to_string(i + 1) + "_" +
+               std::to_string(j) + ")\n";
+      cells += "Next(C" + std::to_string(i) + "_" + std::to_string(j) + ",C" + std::to_string(i) + "_" +
+               std::to_string(j + 1) + ")\n";
+    }
+  }
+  scratch.write("grid.mln", grid);
+  scratch.write("grid.db", cells);
+  std::string long_text;
+  for (int i = 0; i < 400000; ++i) long_text += "Next(A" + std::to_string(i) + ",B)\n";
+  scratch.write("long.db", long_text);
+  for (const char* command :
+       {"infer -q Lit --method mcsat", "infer -q Lit --method map", "ground -q Lit", "explain 'Lit(C3_3)'"}) {
+    const Outcome outcome = run(std::string(command) + " -m grid.mln -e grid.db --max-memory 1M --json -");
+    EXPECT_EQ(outcome.code, 4) << command << outcome.err;
+    EXPECT_EQ(json::parse(outcome.out)["termination"], "memory_limit") << command;
+    const Outcome text = run(std::string(command) + " -m grid.mln -e grid.db --max-memory 1M");
+    EXPECT_EQ(text.code, 4) << command;
+    EXPECT_THAT(text.err, HasSubstr("error: ")) << command;
+  }
+  for (const char* command : {"infer -q Lit --method mcsat", "ground", "explain 'Lit(B)'", "check"}) {
+    const Outcome outcome = run(std::string(command) + " -m grid.mln -e long.db --max-memory 1M --json -");
+    EXPECT_EQ(outcome.code, 4) << command << outcome.err;
+    EXPECT_EQ(json::parse(outcome.out)["termination"], "memory_limit") << command;
+    if (std::string(command).starts_with("infer")) {
+      EXPECT_EQ(json::parse(outcome.out)["method"], "mcsat");
+    }
+  }
+}
+
+TEST_F(Cli, MethodIsNamedWhereGroundingAlreadyEnds) {
+  scratch.write("hard.mln", "coin = {Penny}\nHeads(coin)\nHeads(x).\n");
+  scratch.write("hard.db", "!Heads(Penny)\n");
+  const Outcome outcome = run("infer -m hard.mln -e hard.db -q Heads --method map --json -");
+  EXPECT_EQ(outcome.code, 3) << outcome.err;
+  EXPECT_EQ(json::parse(outcome.out)["method"], "map");
+}
+
+TEST_F(Cli, ExactlyTheSamplesThatWereAskedForAreKept) {
+  for (const char* samples : {"1", "3", "10", "4001"}) {
+    const json result =
+        infer("-m coin.mln -e coin.db -q Heads --method mcsat --chains 4 --samples " + std::string(samples));
+    EXPECT_EQ(result["samples"].dump(), samples);
+  }
+  const json few = infer("-m coin.mln -e coin.db -q Heads --method mcsat --samples 4");
+  EXPECT_FALSE(few["diagnostics"].contains("rhat_max")) << "one draw a chain tells nothing";
+  EXPECT_FALSE(few["diagnostics"].contains("ess_min"));
+  EXPECT_FALSE(few["diagnostics"]["converged"]);
+}
+
+TEST_F(Cli, UnknownCommandSuggests) {
+  const Outcome near = run("infr -m m.mln");
+  EXPECT_EQ(near.code, 2);
+  EXPECT_THAT(near.err, HasSubstr("there is no command 'infr'; did you mean 'infer'?"));
+  EXPECT_THAT(run("bogus").err, HasSubstr("the commands are check, ground, infer"));
+}
+
 TEST_F(Cli, NoEvidenceIsGoodEvidence) {
   scratch.write("known.mln", "coin = {Penny}\nHeads(coin)\nlog(3) Heads(x)\n");
   scratch.write("empty.db", "");
@@ -211,6 +289,8 @@ TEST_F(Cli, TimeLimitHandsOverWhatThereIs) {
   const json result = json::parse(scratch.read("out.json"));
   EXPECT_EQ(result["termination"], "time_limit");
   EXPECT_EQ(result["marginals"].size(), 3u);
+  EXPECT_GT(result["samples"], 0);
+  EXPECT_LT(result["samples"], 1000000000);
 }
 
 TEST_F(Cli, TimeLimitHoldsBeforeTheFirstDrawAsWell) {
@@ -264,6 +344,11 @@ TEST_F(Cli, ReaderThatGoesAwayIsNoFailure) {
 }
 
 TEST_F(Cli, ClosedOrFullStandardOutputIsAnError) {
+  for (const char* arguments : {"--help", "--version", "infer --help"}) {
+    const Outcome outcome = scratch.shell(std::string("\"$S\" ") + arguments + " >/dev/full");
+    EXPECT_EQ(outcome.code, 1) << arguments;
+    EXPECT_THAT(outcome.err, HasSubstr("standard output")) << arguments;
+  }
   for (const char* redirect : {">&-", ">/dev/full"}) {
     const Outcome outcome =
         scratch.shell(std::string("\"$S\" infer -m coin.mln -e coin.db -q Heads --json out.json ") + redirect);
