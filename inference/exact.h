@@ -29,6 +29,8 @@ struct ExactCost {
   bool possible = true;   // false: propagation alone found a contradiction
   bool feasible = false;  // within the options' table and memory limits
 };
+// Elimination is preferred to sampling where it touches at most this many table entries (log2), some tenths of a second.
+inline constexpr double kQuickLog2 = 24.0;
 ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options);
 
 }  // namespace sherlog

@@ -4,18 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <new>
 
 #include "inference/exact.h"
 #include "inference/group_lifting.h"
-#include "inference/jeffrey.h"
 #include "inference/mcsat.h"
+#include "inference/soft_targets.h"
 
 namespace sherlog {
 namespace {
 
-// `auto` answers a component exactly where elimination touches at most this many table entries (log2), some tenths of a second.
-constexpr double kAutoExactLog2 = 24.0;
 constexpr double kConvergedRhat = 1.01;  // Vehtari et al. 2021, section 4
 constexpr double kConvergedEssPerChain = 100.0;
 
@@ -28,7 +27,7 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
   std::vector<ComponentId> narrow, wide;
   for (ComponentId c : context.components) {
     const ExactCost cost = exact_cost(context.network, c, context.options);
-    (!cost.possible || (cost.feasible && cost.total_log2 <= kAutoExactLog2) ? narrow : wide).push_back(c);
+    (!cost.possible || (cost.feasible && cost.total_log2 <= kQuickLog2) ? narrow : wide).push_back(c);
   }
   used = wide.empty() ? "exact" : narrow.empty() ? "mcsat" : "exact+mcsat";
   const InferenceOptions& options = context.options;
@@ -114,64 +113,10 @@ std::string validate(const InferenceOptions& options) {
 
 namespace {
 
-// The network with a query for each soft target, and which ones those are.
-struct TargetedNetwork {
-  GroundNetwork network;
-  std::vector<std::uint32_t> queries;
-};
-
-TargetedNetwork with_target_queries(const GroundNetwork& network) {
-  TargetedNetwork result;
-  NetworkBuilder builder(network);
-  for (const SoftTarget& target : network.soft_targets()) {
-    result.queries.push_back(static_cast<std::uint32_t>(builder.so_far().queries().size()));
-    builder.add_query({Literal::atom(target.atom), false, ""});
-  }
-  result.network = builder.build();
-  return result;
-}
-
 std::vector<ComponentId> all_components(const GroundNetwork& network) {
   std::vector<ComponentId> components;
   for (std::size_t c = 0; c < network.component_count(); ++c) components.emplace_back(c);
   return components;
-}
-
-// Biases (by atom) that make the soft targets' posteriors what they should be; or result.termination says why there are none.
-std::vector<double> fit_soft_targets(const GroundNetwork& network, const Method* method,
-                                     const InferenceOptions& options, const StopCondition& stop,
-                                     InferenceResult& result) {
-  const TargetedNetwork targeted = with_target_queries(network);
-  // Only components with a target matter.
-  std::vector<ComponentId> components;
-  for (const SoftTarget& t : network.soft_targets())
-    components.push_back(targeted.network.component_of(targeted.network.variable_of(t.atom)));
-  std::ranges::sort(components);
-  components.erase(std::unique(components.begin(), components.end()), components.end());
-  std::vector<double> biases(network.atom_count(), 0.0);
-  // A most probable world has no marginals to fit: the biases are those of the distribution.
-  if (method != nullptr && method->finds_map) method = nullptr;
-  InferenceOptions fitting = options;
-  fitting.samples = std::max(1000u, options.samples / 4);
-  const auto evaluate = [&](std::span<const double> values) {
-    for (std::size_t i = 0; i < values.size(); ++i) biases[network.soft_targets()[i].atom.index()] = values[i];
-    std::string used;
-    const MethodResult run = run_marginals({targeted.network, components, fitting, stop, biases}, method, used);
-    JeffreyEvaluation evaluation{run.termination, {}, run.log_partition};
-    if (run.termination != Termination::kCompleted) {
-      result.message = run.message;
-      result.conflict = run.conflict;
-      return evaluation;
-    }
-    for (std::uint32_t q : targeted.queries) evaluation.marginals.push_back(run.marginals[q].probability);
-    return evaluation;
-  };
-  const JeffreyFit fit = fit_jeffrey(network, network.soft_targets(), evaluate);
-  result.termination = fit.termination;
-  if (!fit.message.empty()) result.message = fit.message;
-  biases.assign(network.atom_count(), 0.0);
-  for (std::size_t i = 0; i < fit.biases.size(); ++i) biases[network.soft_targets()[i].atom.index()] = fit.biases[i];
-  return biases;
 }
 
 void infer_into(InferenceResult& result, const GroundNetwork& original, const InferenceOptions& options,
@@ -190,9 +135,15 @@ void infer_into(InferenceResult& result, const GroundNetwork& original, const In
   const std::optional<GroundNetwork> lifted = wants_map ? std::nullopt : lift_over_groups(original);
   const GroundNetwork& network = lifted ? *lifted : original;
   std::vector<double> biases;
+  std::vector<std::string> warnings;
   if (!network.soft_targets().empty()) {
-    biases = fit_soft_targets(network, method, options, stop, result);
+    SoftTargetFit fit = fit_soft_targets(network, method, options, stop);
+    result.termination = fit.termination;
+    result.message = std::move(fit.message);
+    result.conflict = std::move(fit.conflict);
     if (result.termination != Termination::kCompleted) return;
+    biases = std::move(fit.biases);
+    warnings = std::move(fit.warnings);
   }
   const std::vector<ComponentId> components = all_components(network);
   const MethodContext context{network, components, options, stop, biases};
@@ -200,7 +151,8 @@ void infer_into(InferenceResult& result, const GroundNetwork& original, const In
   result.termination = run.termination;
   result.message = std::move(run.message);
   result.conflict = std::move(run.conflict);
-  result.warnings = std::move(run.warnings);
+  result.warnings = std::move(warnings);
+  std::ranges::move(run.warnings, std::back_inserter(result.warnings));
   result.samples = run.samples;
   // A formula that the evidence decides has no component: nobody asked a method.
   for (std::size_t q = 0; !wants_map && q < network.queries().size(); ++q) {

@@ -9,27 +9,40 @@
 namespace sherlog {
 namespace {
 
-constexpr double kExactTolerance = 1e-10;     // of a marginal
-constexpr double kSlowTolerance = 1e-7;       // accepted where no step makes it better any more
-constexpr double kLargestBias = 60.0;         // nats: beyond, a marginal of p needs odds of 10^26 against the model
+constexpr double kExactTolerance = 1e-10;  // of a marginal
+constexpr double kSlowTolerance = 1e-7;    // accepted where no step makes it better any more
+constexpr double kFarBias = 30.0;          // nats: from here on it is worth asking whether the wish is hopeless
+constexpr double kHopelessMargin = 1e-7;   // by so much a direction has to separate: rounding is far below
+constexpr double kLongestStep = 4.0;       // nats, at first
 constexpr int kExactIterations = 500;
+constexpr int kLookEvery = 10;  // iterations between questions whether there is hope
 constexpr int kSampledRounds = 40;
+constexpr int kSampledPasses = 5;  // of so many rounds
 constexpr double kSampledTolerance = 0.02;
+constexpr double kFewestDraws = 1e-4;  // estimates of 0 and 1 are as far off as a few draws can tell
+constexpr double kLeastGain = 0.05, kMostGain = 4.0;
 
 double logit(double p) { return std::log(p) - std::log1p(-p); }
 
 class Fit {
  public:
-  Fit(const GroundNetwork& network, std::span<const SoftTarget> targets,
-      const std::function<JeffreyEvaluation(std::span<const double>)>& evaluate)
-      : network_(network), targets_(targets), evaluate_(evaluate), size_(static_cast<Eigen::Index>(targets.size())) {}
+  Fit(const GroundNetwork& network, std::span<const SoftTarget> targets, const JeffreyModel& model)
+      : network_(network),
+        targets_(targets),
+        model_(model),
+        size_(static_cast<Eigen::Index>(targets.size())),
+        wanted_(size_) {
+    for (Eigen::Index i = 0; i < size_; ++i) wanted_[i] = targets_[static_cast<std::size_t>(i)].probability;
+  }
 
   JeffreyFit run() {
     Point start = at(Eigen::VectorXd::Zero(size_));
-    if (start.evaluation.termination == Termination::kCompleted && !start.evaluation.log_partition) {
-      fit_sampled(std::move(start));
-    } else {
+    if (!start.completed()) {
+      stopped(start);
+    } else if (start.evaluation.log_partition) {
       fit_exact(std::move(start));
+    } else {
+      fit_sampled(std::move(start));
     }
     return std::move(fit_);
   }
@@ -39,20 +52,21 @@ class Fit {
     Eigen::VectorXd biases, gradient;
     double value = 0.0;
     JeffreyEvaluation evaluation;
+
+    bool completed() const { return evaluation.termination == Termination::kCompleted; }
+    double error() const { return gradient.cwiseAbs().maxCoeff(); }
   };
 
   Point at(const Eigen::VectorXd& biases) {
     Point point;
     point.biases = biases;
     point.gradient = Eigen::VectorXd::Zero(size_);
-    point.evaluation = evaluate_({biases.data(), static_cast<std::size_t>(size_)});
-    if (point.evaluation.termination != Termination::kCompleted) return point;
-    point.value = point.evaluation.log_partition.value_or(0.0);
+    point.evaluation = model_.evaluate({biases.data(), static_cast<std::size_t>(size_)}, rounds_++);
+    if (!point.completed()) return point;
     for (Eigen::Index i = 0; i < size_; ++i) {
-      const double p = targets_[static_cast<std::size_t>(i)].probability;
-      point.gradient[i] = point.evaluation.marginals[static_cast<std::size_t>(i)] - p;
-      point.value -= biases[i] * p;
+      point.gradient[i] = point.evaluation.marginals[static_cast<std::size_t>(i)] - wanted_[i];
     }
+    point.value = point.evaluation.log_partition.value_or(0.0) - biases.dot(wanted_);
     return point;
   }
 
@@ -61,70 +75,124 @@ class Fit {
     fit_.biases.assign(point.biases.data(), point.biases.data() + size_);
   }
 
-  void stopped(const Point& point) { fit_.termination = point.evaluation.termination; }
-
-  void cannot(const Point& point) {
-    Eigen::Index worst = 0;
-    point.gradient.cwiseAbs().maxCoeff(&worst);
-    const SoftTarget& target = targets_[static_cast<std::size_t>(worst)];
-    fit_.termination = Termination::kNoPossibleWorld;
-    fit_.message = fmt::format("the soft evidence cannot be met: no distribution over the possible worlds gives '{}' the probability {} together "
-                               "with the other soft evidence (nearest found: {:.6g})",
-                               network_.atom_text(target.atom), target.probability,
-                               point.evaluation.marginals[static_cast<std::size_t>(worst)]);
+  // Not shown to be impossible, so it is answered for what it is.
+  void finish_near(const Point& point) {
+    finish(point);
+    const std::size_t i = worst(point);
+    fit_.warning =
+        fmt::format("the soft evidence is not quite met: '{}' has the probability {:.6g} instead of {}",
+                    network_.atom_text(targets_[i].atom), point.evaluation.marginals[i], targets_[i].probability);
   }
 
-  // A marginal of 0 or 1 cannot be moved by any bias.
-  bool fixed(const Point& point) const {
-    return std::ranges::any_of(point.evaluation.marginals, [](double m) { return m <= 0.0; });
+  void stopped(const Point& point) { fit_.termination = point.evaluation.termination; }
+
+  static std::size_t worst(const Point& point) {
+    Eigen::Index index = 0;
+    point.gradient.cwiseAbs().maxCoeff(&index);
+    return static_cast<std::size_t>(index);
+  }
+
+  void cannot(const Point& point) {
+    const std::size_t i = worst(point);
+    fit_.termination = Termination::kNoPossibleWorld;
+    fit_.message = fmt::format(
+        "the soft evidence cannot be met: no distribution over the possible worlds gives '{}' the probability {} "
+        "together with the other soft evidence (nearest found: {:.6g})",
+        network_.atom_text(targets_[i].atom), targets_[i].probability, point.evaluation.marginals[i]);
+  }
+
+  // No mixture of possible worlds reaches the wanted marginals in this direction.
+  bool separates(Eigen::VectorXd direction) const {
+    const double largest = direction.cwiseAbs().maxCoeff();
+    if (!(largest > 0.0) || !std::isfinite(largest)) return false;
+    direction /= largest;
+    const double bound = model_.largest({direction.data(), static_cast<std::size_t>(size_)});
+    return direction.dot(wanted_) > bound + kHopelessMargin * (1.0 + direction.cwiseAbs().sum());
+  }
+
+  bool hopeless(const Point& point) const {
+    // A target that never (or always) holds cannot be moved at all.
+    for (Eigen::Index i = 0; i < size_; ++i) {
+      const double m = point.evaluation.marginals[static_cast<std::size_t>(i)];
+      const bool never = m<kFewestDraws, always = m> 1.0 - kFewestDraws;
+      if ((never || always) && separates((never ? 1.0 : -1.0) * Eigen::VectorXd::Unit(size_, i))) return true;
+    }
+    return separates(point.biases) || separates(-point.gradient);
+  }
+
+  // --- exact marginals
+
+  Eigen::MatrixXd scaled_identity(const Point& point) const {
+    Eigen::MatrixXd inverse_hessian = Eigen::MatrixXd::Zero(size_, size_);
+    for (Eigen::Index i = 0; i < size_; ++i) {
+      const double m = point.evaluation.marginals[static_cast<std::size_t>(i)];
+      inverse_hessian(i, i) = 1.0 / std::max(m * (1.0 - m), 1e-6);
+    }
+    return inverse_hessian;
   }
 
   void fit_exact(Point point) {
-    if (point.evaluation.termination != Termination::kCompleted) return stopped(point);
-    if (fixed(point)) return cannot(point);
-    Eigen::MatrixXd inverse_hessian = Eigen::MatrixXd::Zero(size_, size_);
-    const auto reset = [&](const Point& p) {
-      inverse_hessian.setZero();
-      for (Eigen::Index i = 0; i < size_; ++i) {
-        const double m = p.evaluation.marginals[static_cast<std::size_t>(i)];
-        inverse_hessian(i, i) = 1.0 / std::max(m * (1.0 - m), 1e-6);
-      }
-    };
-    reset(point);
+    Eigen::MatrixXd inverse_hessian = scaled_identity(point);
     bool fresh = true;
+    double longest = kLongestStep;
     for (int iteration = 0; iteration < kExactIterations; ++iteration) {
-      const double error = point.gradient.cwiseAbs().maxCoeff();
-      if (error < kExactTolerance) return finish(point);
-      if (point.biases.cwiseAbs().maxCoeff() > kLargestBias) return cannot(point);
+      if (point.error() < kExactTolerance) return finish(point);
+      const bool far = point.biases.cwiseAbs().maxCoeff() > kFarBias;
+      if ((iteration == 0 || far) && iteration % kLookEvery == 0 && point.error() > kSlowTolerance && hopeless(point)) {
+        return cannot(point);
+      }
       Eigen::VectorXd direction = -inverse_hessian * point.gradient;
       const double largest = direction.cwiseAbs().maxCoeff();
-      if (largest > 4.0) direction *= 4.0 / largest;
-      double slope = direction.dot(point.gradient);
+      const bool cut = largest > longest;
+      if (cut) direction *= longest / largest;
       Point next;
-      double step = 1.0;
-      bool moved = false;
-      for (; step > 1e-6 && slope < 0.0; step *= 0.5) {
-        next = at(point.biases + step * direction);
-        if (next.evaluation.termination != Termination::kCompleted) return stopped(next);
-        // Near the optimum the value's rounding hides the descent: a smaller gradient is good enough.
-        if (next.value <= point.value + 1e-4 * step * slope || next.gradient.norm() < 0.9 * point.gradient.norm()) {
-          moved = true;
-          break;
-        }
-      }
-      if (!moved) {
-        if (error < kSlowTolerance) return finish(point);
-        if (fresh) return cannot(point);
-        reset(point);
+      const double step = line_search(point, direction, next);
+      if (!next.completed()) return stopped(next);
+      if (!(step > 0.0)) {
+        if (fresh) break;
+        inverse_hessian = scaled_identity(point);
         fresh = true;
         continue;
       }
+      // Weights of hundreds of nats are overcome by steps that grow.
+      if (cut && step >= 1.0) longest *= 2.0;
+      if (step < 0.5) longest = std::max(kLongestStep, longest / 2.0);
       update(inverse_hessian, next.biases - point.biases, next.gradient - point.gradient);
       point = std::move(next);
       fresh = false;
     }
-    if (point.gradient.cwiseAbs().maxCoeff() < kSlowTolerance) return finish(point);
-    cannot(point);
+    if (point.error() >= kSlowTolerance) return fit_in_turn(std::move(point));
+    finish(point);
+  }
+
+  // The length of the step that was taken to `next`; 0 where none makes the value or the gradient smaller.
+  double line_search(const Point& point, const Eigen::VectorXd& direction, Point& next) {
+    const double slope = direction.dot(point.gradient);
+    for (double step = 1.0; step > 1e-6 && slope < 0.0; step *= 0.5) {
+      next = at(point.biases + step * direction);
+      if (!next.completed()) return 0.0;
+      // Near the optimum the value's rounding hides the descent: a smaller gradient is good enough.
+      if (next.value <= point.value + 1e-4 * step * slope || next.gradient.norm() < 0.9 * point.gradient.norm()) {
+        return step;
+      }
+    }
+    return 0.0;
+  }
+
+  // Iterative proportional fitting, one target at a time: slow, but each step lowers D whatever its shape.
+  void fit_in_turn(Point point) {
+    for (int iteration = 0; iteration < kExactIterations; ++iteration) {
+      if (point.error() < kSlowTolerance) return finish(point);
+      const auto i = static_cast<Eigen::Index>(worst(point));
+      const double m = std::clamp(point.evaluation.marginals[static_cast<std::size_t>(i)], 1e-15, 1.0 - 1e-15);
+      Eigen::VectorXd biases = point.biases;
+      biases[i] += logit(wanted_[i]) - logit(m);
+      Point next = at(biases);
+      if (!next.completed()) return stopped(next);
+      point = std::move(next);
+    }
+    if (point.error() < kSlowTolerance) return finish(point);
+    hopeless(point) ? cannot(point) : finish_near(point);
   }
 
   // BFGS (Nocedal & Wright, eq. 6.17).
@@ -135,43 +203,67 @@ class Fit {
     h += ((sy + y.dot(hy)) / (sy * sy)) * (s * s.transpose()) - (hy * s.transpose() + s * hy.transpose()) / sy;
   }
 
+  // --- estimated marginals
+
   void fit_sampled(Point point) {
-    Eigen::VectorXd average = Eigen::VectorXd::Zero(size_);
-    int averaged = 0;
-    for (int round = 0; round < kSampledRounds; ++round) {
-      const double damping = round < 5 ? 1.0 : 5.0 / round;
-      for (Eigen::Index i = 0; i < size_; ++i) {
-        // Estimates of 0 and 1 are as far off as a few draws can tell.
-        const double m = std::clamp(point.evaluation.marginals[static_cast<std::size_t>(i)], 1e-4, 1.0 - 1e-4);
-        const double wanted = targets_[static_cast<std::size_t>(i)].probability;
-        point.biases[i] += damping * (logit(wanted) - logit(m));
-      }
-      if (point.biases.cwiseAbs().maxCoeff() > kLargestBias) return cannot(point);
-      if (round >= kSampledRounds / 2) {
+    Eigen::VectorXd gains = Eigen::VectorXd::Ones(size_);
+    if (hopeless(point)) return cannot(point);
+    for (int pass = 0; pass < kSampledPasses; ++pass) {
+      Eigen::VectorXd average = Eigen::VectorXd::Zero(size_);
+      int averaged = 0;
+      for (int round = 0; round < kSampledRounds; ++round) {
+        const bool averages = round >= kSampledRounds / 2;
+        Point next = at(point.biases + step_of(point, gains, averages));
+        if (!next.completed()) return stopped(next);
+        adapt(gains, point, next);
+        const bool far = next.biases.cwiseAbs().maxCoeff() > kFarBias && next.error() > kSampledTolerance;
+        if (far && round % kLookEvery == 0 && hopeless(next)) return cannot(next);
+        point = std::move(next);
+        if (!averages) continue;
         average += point.biases;
         ++averaged;
       }
-      point = at(point.biases);
-      if (point.evaluation.termination != Termination::kCompleted) return stopped(point);
+      point = at(average / averaged);
+      if (!point.completed()) return stopped(point);
+      if (point.error() <= kSampledTolerance) return finish(point);
+      if (hopeless(point)) return cannot(point);
     }
-    point = at(average / averaged);
-    if (point.evaluation.termination != Termination::kCompleted) return stopped(point);
-    if (point.gradient.cwiseAbs().maxCoeff() > kSampledTolerance) return cannot(point);
-    finish(point);
+    finish_near(point);
+  }
+
+  Eigen::VectorXd step_of(const Point& point, const Eigen::VectorXd& gains, bool averages) const {
+    Eigen::VectorXd step(size_);
+    for (Eigen::Index i = 0; i < size_; ++i) {
+      const double m =
+          std::clamp(point.evaluation.marginals[static_cast<std::size_t>(i)], kFewestDraws, 1.0 - kFewestDraws);
+      // What is averaged shall stay near the optimum and not follow the noise.
+      const double gain = averages ? std::min(gains[i], 0.5) : gains[i];
+      step[i] = gain * (logit(wanted_[i]) - logit(m));
+    }
+    return step;
+  }
+
+  // A target whose error changes sign was moved too far, by its own step or by those of its neighbours.
+  static void adapt(Eigen::VectorXd& gains, const Point& before, const Point& after) {
+    for (Eigen::Index i = 0; i < gains.size(); ++i) {
+      const double factor = before.gradient[i] * after.gradient[i] < 0.0 ? 0.6 : 1.2;
+      gains[i] = std::clamp(gains[i] * factor, kLeastGain, kMostGain);
+    }
   }
 
   const GroundNetwork& network_;
   std::span<const SoftTarget> targets_;
-  const std::function<JeffreyEvaluation(std::span<const double>)>& evaluate_;
+  const JeffreyModel& model_;
   Eigen::Index size_;
+  Eigen::VectorXd wanted_;
+  std::uint32_t rounds_ = 0;
   JeffreyFit fit_;
 };
 
 }  // namespace
 
-JeffreyFit fit_jeffrey(const GroundNetwork& network, std::span<const SoftTarget> targets,
-                       const std::function<JeffreyEvaluation(std::span<const double>)>& evaluate) {
-  return Fit(network, targets, evaluate).run();
+JeffreyFit fit_jeffrey(const GroundNetwork& network, std::span<const SoftTarget> targets, const JeffreyModel& model) {
+  return Fit(network, targets, model).run();
 }
 
 }  // namespace sherlog

@@ -173,8 +173,8 @@ TEST_F(Cli, ConstantThatOneDatabaseLacksIsAnsweredInTheOthers) {
 TEST_F(Cli, MemoryLimitIsReportedInTheDocument) {
   std::string grid = "Lit(cell)\nNext(cell,cell)\n0.8 Next(x,y) => (Lit(x) <=> Lit(y))\n";
   std::string cells;
-  for (int i = 0; i < 40; ++i) {
-    for (int j = 0; j < 40; ++j) {
+  for (int i = 0; i < 30; ++i) {
+    for (int j = 0; j < 30; ++j) {
       cells += "Next(C" + std::to_string(i) + "_" + std::to_string(j) + ",C" + std::to_string(i + 1) + "_" +
                std::to_string(j) + ")\n";
       cells += "Next(C" + std::to_string(i) + "_" + std::to_string(j) + ",C" + std::to_string(i) + "_" +
