@@ -15,9 +15,12 @@ constexpr double kFarBias = 30.0;          // nats: from here on it is worth ask
 constexpr double kHopelessMargin = 1e-7;   // by so much a direction has to separate: rounding is far below
 constexpr double kLongestStep = 4.0;       // nats, at first
 constexpr int kExactIterations = 500;
-constexpr int kLookEvery = 10;  // iterations between questions whether there is hope
-constexpr int kSampledRounds = 40;
-constexpr int kSampledPasses = 5;  // of so many rounds
+constexpr int kLookEvery = 10;      // iterations between questions whether there is hope
+constexpr int kFirstRounds = 12;    // enough for targets that hardly touch each other
+constexpr int kSampledRounds = 24;  // the first half leads near, the second is averaged
+constexpr int kSampledPasses = 8;   // of so many rounds
+// Of the final draws, for one round of either half, and for the question whether the average will do.
+constexpr double kRoughShare = 1.0 / 16, kAveragedShare = 1.0 / 8, kCheckShare = 1.0 / 4;
 constexpr double kSampledTolerance = 0.02;
 constexpr double kFewestDraws = 1e-4;  // estimates of 0 and 1 are as far off as a few draws can tell
 constexpr double kLeastGain = 0.05, kMostGain = 4.0;
@@ -57,11 +60,11 @@ class Fit {
     double error() const { return gradient.cwiseAbs().maxCoeff(); }
   };
 
-  Point at(const Eigen::VectorXd& biases) {
+  Point at(const Eigen::VectorXd& biases, double share = kCheckShare) {
     Point point;
     point.biases = biases;
     point.gradient = Eigen::VectorXd::Zero(size_);
-    point.evaluation = model_.evaluate({biases.data(), static_cast<std::size_t>(size_)}, rounds_++);
+    point.evaluation = model_.evaluate({biases.data(), static_cast<std::size_t>(size_)}, rounds_++, share);
     if (!point.completed()) return point;
     for (Eigen::Index i = 0; i < size_; ++i) {
       point.gradient[i] = point.evaluation.marginals[static_cast<std::size_t>(i)] - wanted_[i];
@@ -97,8 +100,8 @@ class Fit {
     fit_.termination = Termination::kNoPossibleWorld;
     fit_.message = fmt::format(
         "the soft evidence cannot be met: no distribution over the possible worlds gives '{}' the probability {} "
-        "together with the other soft evidence (nearest found: {:.6g})",
-        network_.atom_text(targets_[i].atom), targets_[i].probability, point.evaluation.marginals[i]);
+        "together with the other soft evidence",
+        network_.atom_text(targets_[i].atom), targets_[i].probability);
   }
 
   // No mixture of possible worlds reaches the wanted marginals in this direction.
@@ -209,11 +212,12 @@ class Fit {
     Eigen::VectorXd gains = Eigen::VectorXd::Ones(size_);
     if (hopeless(point)) return cannot(point);
     for (int pass = 0; pass < kSampledPasses; ++pass) {
+      const int rounds = pass == 0 ? kFirstRounds : kSampledRounds;
       Eigen::VectorXd average = Eigen::VectorXd::Zero(size_);
       int averaged = 0;
-      for (int round = 0; round < kSampledRounds; ++round) {
-        const bool averages = round >= kSampledRounds / 2;
-        Point next = at(point.biases + step_of(point, gains, averages));
+      for (int round = 0; round < rounds; ++round) {
+        const bool averages = round >= rounds / 2;
+        Point next = at(point.biases + step_of(point, gains, averages), averages ? kAveragedShare : kRoughShare);
         if (!next.completed()) return stopped(next);
         adapt(gains, point, next);
         const bool far = next.biases.cwiseAbs().maxCoeff() > kFarBias && next.error() > kSampledTolerance;

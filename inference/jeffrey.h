@@ -41,9 +41,10 @@ struct JeffreyFit {
   std::vector<double> biases;
 };
 
-// What is asked about the network. `round` numbers the evaluations, so that estimates can differ in their noise.
+// What is asked about the network. Estimates take `share` of the draws of the final answer; `round` numbers them, so that they
+// can differ in their noise.
 struct JeffreyModel {
-  std::function<JeffreyEvaluation(std::span<const double> biases, std::uint32_t round)> evaluate;
+  std::function<JeffreyEvaluation(std::span<const double> biases, std::uint32_t round, double share)> evaluate;
   // An upper bound of sum_i d_i x_i over the possible worlds, x_i the truth of target i; infinity where none is known.
   std::function<double(std::span<const double> direction)> largest;
 };

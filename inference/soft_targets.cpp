@@ -15,7 +15,6 @@ namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kFewestSamples = 1000;  // of one evaluation
-constexpr std::uint32_t kSampleShare = 4;       // an evaluation takes one part in so many of the final draws
 
 class SoftTargets {
  public:
@@ -65,12 +64,12 @@ class SoftTargets {
     for (std::size_t t : chosen) targets.push_back(network_.soft_targets()[t]);
     const auto method = runner_of(component);
     InferenceOptions fitting = options_;
-    fitting.samples = std::max(kFewestSamples, options_.samples / kSampleShare);
     std::vector<double> biases(network_.atom_count(), 0.0);
     JeffreyModel model;
-    model.evaluate = [&](std::span<const double> values, std::uint32_t round) {
+    model.evaluate = [&](std::span<const double> values, std::uint32_t round, double share) {
       for (std::size_t i = 0; i < values.size(); ++i) biases[targets[i].atom.index()] = values[i];
       fitting.seed = options_.seed + round;
+      fitting.samples = std::max(kFewestSamples, static_cast<std::uint32_t>(options_.samples * share));
       MethodResult run = method({network_, {&component, 1}, fitting, stop_, biases});
       JeffreyEvaluation evaluation{run.termination, {}, run.log_partition};
       if (run.termination != Termination::kCompleted) {

@@ -111,7 +111,7 @@ class NoisyPair {
   NoisyPair(double tie, bool exclusive) : tie_(tie), exclusive_(exclusive) {}
 
   JeffreyModel model() {
-    return {[this](std::span<const double> b, std::uint32_t round) {
+    return {[this](std::span<const double> b, std::uint32_t round, double) {
               std::mt19937_64 random(round);
               std::normal_distribution<double> noise(0.0, 0.005);
               const auto p = marginals(b);
