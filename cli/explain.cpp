@@ -218,7 +218,9 @@ void add_explain(CLI::App& app, Action& action) {
   add_model_options(*command, *options);
   add_evidence_options(*command, *options);
   command->add_option("atom", *atom, "A ground atom, or a ground formula")->type_name("ATOM")->required();
-  command->add_option("--top", *limit, "How many ground formulas the text shows (default 20)")->type_name("N");
+  command->add_option("--top", *limit, "How many ground formulas the text shows (default 20)")
+      ->type_name("N")
+      ->check(whole_number(4000000000));
   add_world_options(*command, *options);
   add_inference_options(*command, *options);
   add_common_options(*command, *options);

@@ -50,8 +50,15 @@ int answer_parse_error(CLI::App& app, const CLI::ParseError& error) {
 
 // The first word names a command; CLI11 would say that it was not expected, and not what was.
 bool is_known_command(const CLI::App& app, int argc, char** argv) {
-  if (argc < 2 || argv[1][0] == '-') return true;
+  if (argc < 2) return true;
   const std::string word = argv[1];
+  if (word == "--help" || word == "--version") return true;
+  if (word.starts_with('-')) {
+    fmt::print(stderr, "sherlog: error: options stand behind the command: sherlog COMMAND {} ...\n",
+               word.substr(0, 80));
+    fmt::print(stderr, "see 'sherlog --help'\n");
+    return false;
+  }
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(command->get_name());

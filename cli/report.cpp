@@ -104,6 +104,11 @@ std::string marginal_table(const GroundNetwork& network, const InferenceResult& 
   return table.text();
 }
 
+// With so many decimals, as long as that is readable.
+std::string score_text(double score, int decimals) {
+  return std::abs(score) < 1e15 ? fmt::format("{:.{}f}", score, decimals) : fmt::format("{:.15g}", score);
+}
+
 std::string map_text(const GroundNetwork& network, const MapSolution& map) {
   std::string text;
   for (const auto& group : rows_by_block(network)) {
@@ -116,7 +121,7 @@ std::string map_text(const GroundNetwork& network, const MapSolution& map) {
   const std::string proof = map.optimal              ? "proved optimal"
                             : std::isfinite(map.gap) ? fmt::format("not proved optimal, gap at most {:.6g}", map.gap)
                                                      : "not proved optimal";
-  return fmt::format("most probable world, log score {:.6f} ({})\n\n{}", map.log_score, proof, text);
+  return fmt::format("most probable world, log score {} ({})\n\n{}", score_text(map.log_score, 6), proof, text);
 }
 
 Json map_json(const GroundNetwork& network, const MapSolution& map) {
@@ -175,6 +180,9 @@ ConflictItem evidence_item(const Model& model, const Evidence& evidence, const S
   item.is_formula = false;
   return item;
 }
+
+// No chain is run for less than a draw.
+std::uint32_t chains_of(const InferenceOptions& options) { return std::min(options.chains, options.samples); }
 
 std::string place_text(const ConflictItem& item) {
   if (item.file.empty()) return "sherlog";
@@ -266,13 +274,13 @@ std::string infer_text(const InferenceReport& report) {
   const GroundNetwork& network = *report.network;
   std::string text = fmt::format("method {}", result.method);
   if (result.samples > 0) {
-    text += fmt::format(", {} samples, {} chains, burn-in {}, seed {}", result.samples, result.options.chains,
+    text += fmt::format(", {} samples, {} chains, burn-in {}, seed {}", result.samples, chains_of(result.options),
                         result.options.burn_in, result.seed);
   }
   text += fmt::format("; {} ({:.3f} s)\n", to_string(result.termination), report.seconds.total);
   text += fmt::format("ground network: {} atoms, {} features, {} constraints, {} components\n", network.atom_count(),
                       network.features().size(), network.constraints().size(), network.component_count());
-  if (result.log_partition) text += fmt::format("log partition function {:.9f}\n", *result.log_partition);
+  if (result.log_partition) text += fmt::format("log partition function {}\n", score_text(*result.log_partition, 9));
   text += '\n';
   if (result.map) return text + map_text(network, *result.map);
   if (network.queries().empty()) return text + "every queried atom is decided by the evidence\n";
@@ -295,7 +303,7 @@ Json infer_json(const InferenceReport& report) {
   json["seed"] = result.options.seed;
   if (result.samples > 0) {
     json["samples"] = result.samples;
-    json["chains"] = result.options.chains;
+    json["chains"] = chains_of(result.options);
     json["burn_in"] = result.options.burn_in;
   }
   if (report.network != nullptr) {

@@ -49,15 +49,14 @@ void add_common_options(CLI::App& command, Options& options) {
       .add_option("--json", options.json,
                   "Write the result as JSON to FILE; '-': to standard output, and nothing else there")
       ->type_name("FILE|-")
+      ->check([](const std::string& name) {
+        return name.empty() ? std::string("an output file needs a name") : std::string();
+      })
       ->group("Common");
   command.add_option("--seed", options.seed, "Seed of all randomness (default 1)")
       ->type_name("N")
       ->group("Common")
-      ->check([](const std::string& text) {
-        const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
-        return digits && text.size() <= 19 ? std::string()
-                                           : "expected a whole number from 0 to 10^19 - 1, not '" + text + "'";
-      });
+      ->check(whole_number(9999999999999999999u));
   command
       .add_option("--threads", options.threads, "Threads; the answer does not depend on them (default 0: all cores)")
       ->type_name("N")
@@ -110,10 +109,24 @@ void add_inference_options(CLI::App& command, Options& options) {
       "Method of inference (default auto)\nauto: exact where the components are narrow enough, else mcsat";
   for (const Method& method : methods()) help += fmt::format("\n{}: {}", method.name, method.summary);
   command.add_option("--method", options.method, help)->type_name(names);
-  command.add_option("--samples", options.samples, "Kept draws in all chains together (default 20000)")->type_name("N");
-  command.add_option("--chains", options.chains, "Chains (default 4)")->type_name("N");
+  command.add_option("--samples", options.samples, "Kept draws in all chains together (default 20000)")
+      ->type_name("N")
+      ->check(whole_number(4000000000));
+  command.add_option("--chains", options.chains, "Chains (default 4)")->type_name("N")->check(whole_number(1024));
   command.add_option("--burn-in", options.burn_in, "Sweeps of each chain before the first kept draw (default 200)")
-      ->type_name("N");
+      ->type_name("N")
+      ->check(whole_number(4000000000));
+}
+
+CLI::Validator whole_number(std::uint64_t most) {
+  return CLI::Validator(
+      [most](const std::string& text) {
+        std::uint64_t value = 0;
+        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+        const bool good = error == std::errc() && end == text.data() + text.size() && value <= most;
+        return good ? std::string() : fmt::format("expected a whole number from 0 to {}, not '{}'", most, text);
+      },
+      "");
 }
 
 CLI::Validator one_of(std::vector<std::string> words) {

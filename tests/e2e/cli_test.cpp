@@ -62,6 +62,11 @@ TEST_F(Cli, WrongUsageIsExit2AndSaysWhereHelpIs) {
                                 "infer -m m.mln -q Smokes --max-seconds=nan",
                                 "infer -m m.mln -q Smokes --soft-evidence both",
                                 "infer -m m.mln -q Smokes --chains 0",
+                                "infer -m m.mln -q Smokes --samples 99999999999",
+                                "infer -m m.mln -q Smokes --seed 18446744073709551616",
+                                "explain -m m.mln 'Smokes(Anna)' --top=-1",
+                                "--seed 3 infer -m m.mln -q Smokes",
+                                "infer -m m.mln -q Smokes --json ''",
                                 "infer -m - -e - -q Smokes",
                                 "infer -m m.mln -q Smokes --json no/such/folder/x.json",
                                 "infer -m m.mln -q Smokes --open-world=Smoke",
@@ -223,6 +228,21 @@ TEST_F(Cli, ExactlyTheSamplesThatWereAskedForAreKept) {
   EXPECT_FALSE(few["diagnostics"].contains("rhat_max")) << "one draw a chain tells nothing";
   EXPECT_FALSE(few["diagnostics"].contains("ess_min"));
   EXPECT_FALSE(few["diagnostics"]["converged"]);
+}
+
+TEST_F(Cli, WeightsThatAddUpToNoNumberAreRefused) {
+  // Each atom's own weight is a number, and so is every marginal; log Z is none.
+  scratch.write("huge.mln", "coin = {Penny, Nickel}\nHeads(coin)\n1e308 Heads(x)\n");
+  for (const char* method : {"exact", "mcsat", "gibbs", "map"}) {
+    const Outcome outcome = run("infer -m huge.mln -q Heads --method " + std::string(method));
+    EXPECT_EQ(outcome.code, 2) << method;
+    EXPECT_THAT(outcome.err, HasSubstr("add up to more than a number can hold")) << method;
+  }
+  for (const char* format : {"wcnf", "uai"}) {
+    EXPECT_EQ(run("ground -m huge.mln -q Heads --export " + std::string(format)).code, 2) << format;
+  }
+  scratch.write("large.mln", "coin = {Penny}\nHeads(coin)\n1e300 Heads(x)\n");
+  EXPECT_THAT(run("infer -m large.mln -q Heads --method exact").out, HasSubstr("log partition function 1e+300\n"));
 }
 
 TEST_F(Cli, UnknownCommandSuggests) {
