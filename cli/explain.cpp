@@ -48,7 +48,7 @@ Item describe(const Model& model, const Evidence& evidence, const GroundNetwork&
 
 std::string number(double value) {
   if (std::isinf(value)) return value > 0 ? "+inf" : "-inf";
-  return fmt::format("{:+.6f}", value);
+  return std::abs(value) < 1e15 ? fmt::format("{:+.6f}", value) : fmt::format("{:+.15g}", value);
 }
 
 std::string explain_text(const Model& model, const Evidence& evidence, const GroundNetwork& network,

@@ -22,6 +22,7 @@ constexpr int kSampledPasses = 8;   // of so many rounds
 // Of the final draws, for one round of either half, and for the question whether the average will do.
 constexpr double kRoughShare = 1.0 / 16, kAveragedShare = 1.0 / 8, kCheckShare = 1.0 / 4;
 constexpr double kSampledTolerance = 0.02;
+constexpr double kNoise = 3.0;         // standard errors of an estimate that may well be chance
 constexpr double kFewestDraws = 1e-4;  // estimates of 0 and 1 are as far off as a few draws can tell
 constexpr double kLeastGain = 0.05, kMostGain = 4.0;
 
@@ -58,6 +59,15 @@ class Fit {
 
     bool completed() const { return evaluation.termination == Termination::kCompleted; }
     double error() const { return gradient.cwiseAbs().maxCoeff(); }
+    // As near as can be told: no nearer than the estimates are themselves.
+    bool near() const {
+      const std::vector<double>& noise = evaluation.standard_errors;
+      for (Eigen::Index i = 0; i < gradient.size(); ++i) {
+        const double own = noise.empty() ? 0.0 : kNoise * noise[static_cast<std::size_t>(i)];
+        if (std::abs(gradient[i]) > std::max(kSampledTolerance, own)) return false;
+      }
+      return true;
+    }
   };
 
   Point at(const Eigen::VectorXd& biases, double share = kCheckShare) {
@@ -229,7 +239,7 @@ class Fit {
       }
       point = at(average / averaged);
       if (!point.completed()) return stopped(point);
-      if (point.error() <= kSampledTolerance) return finish(point);
+      if (point.near()) return finish(point);
       if (hopeless(point)) return cannot(point);
     }
     finish_near(point);

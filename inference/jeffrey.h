@@ -31,6 +31,7 @@ struct JeffreyEvaluation {
   Termination termination = Termination::kCompleted;
   std::vector<double> marginals;        // of the targets
   std::optional<double> log_partition;  // with it the marginals are exact, without they are estimates
+  std::vector<double> standard_errors;  // of estimates, where they are known
 };
 
 struct JeffreyFit {

@@ -71,13 +71,17 @@ class SoftTargets {
       fitting.seed = options_.seed + round;
       fitting.samples = std::max(kFewestSamples, static_cast<std::uint32_t>(options_.samples * share));
       MethodResult run = method({network_, {&component, 1}, fitting, stop_, biases});
-      JeffreyEvaluation evaluation{run.termination, {}, run.log_partition};
+      JeffreyEvaluation evaluation{run.termination, {}, run.log_partition, {}};
       if (run.termination != Termination::kCompleted) {
         fit_.message = std::move(run.message);
         fit_.conflict = std::move(run.conflict);
         return evaluation;
       }
-      for (std::size_t t : chosen) evaluation.marginals.push_back(run.marginals[query_of_[t]].probability);
+      for (std::size_t t : chosen) {
+        const Marginal& marginal = run.marginals[query_of_[t]];
+        evaluation.marginals.push_back(marginal.probability);
+        evaluation.standard_errors.push_back(marginal.mcse.value_or(0.0));
+      }
       return evaluation;
     };
     model.largest = [&](std::span<const double> direction) { return largest(targets, direction); };

@@ -116,7 +116,7 @@ class NoisyPair {
               std::normal_distribution<double> noise(0.0, 0.005);
               const auto p = marginals(b);
               const auto draw = [&](double m) { return std::clamp(m + noise(random), 0.0, 1.0); };
-              return JeffreyEvaluation{Termination::kCompleted, {draw(p[0]), draw(p[1])}, std::nullopt};
+              return JeffreyEvaluation{Termination::kCompleted, {draw(p[0]), draw(p[1])}, std::nullopt, {}};
             },
             [this](std::span<const double> d) {
               const double both = exclusive_ ? 0.0 : d[0] + d[1];
