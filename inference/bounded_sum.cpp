@@ -29,7 +29,9 @@ using Pack = double __attribute__((vector_size(kLanes * sizeof(double)), aligned
 // Where the root's bound is so much above the best world (nats), small terms would be lost to underflow; and no search
 // would end.
 constexpr double kHopelessLog = 500.0;
-constexpr std::uint64_t kStopInterval = 8192;  // nodes
+constexpr std::uint64_t kStopInterval = 1 << 21;  // steps: some milliseconds
+// What a visit costs beyond multiplications, in steps.
+constexpr std::uint64_t kNodeSteps = 40, kUpdateSteps = 12, kValueSteps = 4;
 
 class Search {
  public:
@@ -62,6 +64,7 @@ class Search {
   bool run(double scale, double threshold, std::uint64_t steps, bool with_beliefs) {
     begin(scale);
     max_steps_ = steps_ + steps;
+    next_check_ = std::min(steps_ + kStopInterval, max_steps_ + 1);
     if (with_beliefs) {
       std::ranges::fill(mass_, 0.0);
       std::ranges::fill(beliefs_, 0.0);
@@ -211,7 +214,7 @@ class Search {
     for (std::size_t i = 0; i < level.updates.size(); ++i) {
       const Update& update = level.updates[i];
       const double sum = apply(update);
-      steps_ += update.packs * kLanes;
+      steps_ += update.packs * kLanes + kUpdateSteps;
       slots_[update.to].sum = sum;
       known *= sum;
       bound = known * (i + 1 < level.updates.size() ? level.updates[i + 1].rest : level.other);
@@ -264,7 +267,7 @@ class Search {
       kept += static_cast<std::size_t>(bound > threshold);
     }
     dropped_ += dropped;
-    steps_ += (kept + 4) * problem_.width.back();
+    steps_ += (kept + 4) * problem_.width.back() + kValueSteps * level.size + kNodeSteps;
     if (level.updates.empty()) return sum_apart<kMode>();
     return transposed_.empty() ? sum_rows<kMode>(kept) : sum_matrix<kMode>(kept);
   }
@@ -401,8 +404,9 @@ class Search {
     }
   }
 
-  // Every few thousand nodes. False: an end is wanted.
+  // Every few milliseconds. False: an end is wanted.
   bool may_go_on() {
+    next_check_ = std::min(steps_ + kStopInterval, max_steps_ + 1);
     out_of_steps_ = steps_ > max_steps_;
     if (!out_of_steps_ && stop_.reached()) termination_ = stop_.reason();
     return !stopped();
@@ -414,12 +418,14 @@ class Search {
     std::size_t depth = 0;
     while (true) {
       bool entered = false;
+      if (steps_ >= next_check_ && !may_go_on()) return false;
       if (depth == bottom_) {
         total_[depth] = sum_pair<kMode>(threshold);
         if (kMode == Mode::kFirst && total_[depth] > 0.0) return false;
-        if (++nodes_ % kStopInterval == 0 && !may_go_on()) return false;
+        ++nodes_;
       } else {
         const std::size_t size = levels_[depth].size;
+        if (next_[depth] == 0) steps_ += kValueSteps * size + kNodeSteps;
         while (next_[depth] < size && !entered) entered = enter<kMode>(depth, next_[depth]++, threshold);
       }
       if (entered) {
@@ -495,7 +501,7 @@ class Search {
   std::vector<double> row_weight_;          // prefix times m of that variable; 0 where dropped
   std::vector<double> transposed_;          // the table of the last two variables, where that is all that joins them
   double dropped_ = 0.0;
-  std::uint64_t steps_ = 0, nodes_ = 0;
+  std::uint64_t steps_ = 0, nodes_ = 0, next_check_ = 0;
   bool out_of_steps_ = false;
   Termination termination_ = Termination::kCompleted;
 };

@@ -31,7 +31,7 @@ namespace sherlog {
 
 struct BoundedSumOptions {
   double relative_gap = 1e-10;              // the sum may miss at most this share of itself
-  std::uint64_t max_steps = 4'000'000'000;  // multiplications: about 2^31 of them a second
+  std::uint64_t max_steps = 4'000'000'000;  // about multiplications: 2^29 to 2^30 of them a second
   bool with_marginals = true;
   // Where to start: BoundedSumResult::threshold of a similar problem, or 0. Saves repetitions, not correctness.
   double first_threshold = 0.0;

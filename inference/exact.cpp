@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "inference/bounded_sum.h"
 #include "inference/conflict.h"
 #include "inference/elimination.h"
 #include "inference/parallel.h"
@@ -23,6 +24,9 @@ namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kSearchedVariables = 64;           // more are not tried by bounded search
+constexpr std::uint64_t kSearchSteps = 1'500'000'000;    // two or three seconds
+constexpr std::uint64_t kCheapSearchSteps = 60'000'000;  // a tenth of a second
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 struct Answer {
@@ -34,6 +38,23 @@ struct Answer {
   std::vector<std::uint32_t> values;  // by component variable
   std::vector<std::uint32_t> conflict;
 };
+
+// Tables, their logarithms as ratios, and what their entries weigh.
+double search_bytes(const FactorGraph& graph) { return 4.0 * static_cast<double>(graph.table_bytes); }
+
+bool to_be_searched(const PreparedComponent& prepared, const InferenceOptions& options) {
+  const FactorGraph& graph = prepared.graph;
+  return graph.possible && !graph.too_large && !narrow_enough(prepared, options) &&
+         graph.cardinalities.size() <= kSearchedVariables &&
+         search_bytes(graph) <= static_cast<double>(options.max_memory);
+}
+
+BoundedSumResult bounded_search(const FactorGraph& graph, std::uint64_t steps, const StopCondition& stop) {
+  BoundedSumOptions options;
+  options.max_steps = steps;
+  options.with_marginals = !graph.queries.empty();
+  return bounded_sum(graph.cardinalities, graph.scopes, graph.tables, options, stop);
+}
 
 // Lets threads in only while their tables fit into the memory limit together.
 class MemoryGate {
@@ -110,6 +131,11 @@ class ExactRun {
     if (!prepared.graph.possible) {
       return impossible(prepared.graph.conflict);
     }
+    if (!for_map_ && search(prepared, out)) {
+      if (out.log_partition > -kInfinity || out.termination != Termination::kCompleted) return out;
+      const auto constraints = context_.network.component_constraints(component);
+      return impossible({constraints.begin(), constraints.end()});
+    }
     if (refuse(component, prepared, out)) return out;
     gate_.enter(prepared.bytes);
     try {
@@ -157,11 +183,31 @@ class ExactRun {
     out.termination = result.termination;
     out.log_partition = result.log_partition + graph.constant;
     if (out.termination != Termination::kCompleted || out.log_partition == -kInfinity) return;
+    answer_queries(graph, result.marginals, out);
+  }
+
+  // What is too wide for elimination. False: it is not, or it is too much for bounded search as well.
+  bool search(const PreparedComponent& prepared, Answer& out) {
+    if (!to_be_searched(prepared, context_.options)) return false;
+    const FactorGraph& graph = prepared.graph;
+    const double bytes = search_bytes(graph);
+    gate_.enter(bytes);
+    const BoundedSumResult result = bounded_search(graph, kSearchSteps, context_.stop);
+    gate_.leave(bytes);
+    if (result.termination == Termination::kTooWide) return false;
+    out.termination = result.termination;
+    out.log_partition = result.log_partition + graph.constant;
+    if (out.termination == Termination::kCompleted && out.log_partition > -kInfinity)
+      answer_queries(graph, result.marginals, out);
+    return true;
+  }
+
+  static void answer_queries(const FactorGraph& graph, const std::vector<std::vector<double>>& marginals, Answer& out) {
     for (const ValueTest& query : graph.queries) {
       double p = query.is_constant() && query.value() ? 1.0 : 0.0;
       if (!query.is_constant()) {
         for (std::size_t k = 0; k < query.accepted.size(); ++k) {
-          if (query.accepted[k] != 0) p += result.marginals[query.variable][k];
+          if (query.accepted[k] != 0) p += marginals[query.variable][k];
         }
       }
       out.probabilities.push_back(std::clamp(p, 0.0, 1.0));
@@ -283,6 +329,15 @@ ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const 
   cost.feasible = cost.possible && !prepared.graph.too_large && narrow_enough(prepared, options) &&
                   cost.bytes <= static_cast<double>(options.max_memory);
   return cost;
+}
+
+bool search_is_cheap(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
+                     std::span<const double> atom_bias, const StopCondition& stop) {
+  if (network.component_variables(component).size() > kSearchedVariables) return false;
+  const PreparedComponent prepared =
+      prepare_component(network, component, options, {atom_bias, true, options.max_memory});
+  return to_be_searched(prepared, options) &&
+         bounded_search(prepared.graph, kCheapSearchSteps, stop).termination == Termination::kCompleted;
 }
 
 }  // namespace sherlog

@@ -15,7 +15,9 @@
 namespace sherlog {
 namespace {
 
-constexpr double kConvergedRhat = 1.01;  // Vehtari et al. 2021, section 4
+// It tries bounded search on wide components until that has failed so often.
+constexpr int kAutoFailedSearches = 16;
+constexpr double kConvergedRhat = 1.01;      // Vehtari et al. 2021, section 4
 constexpr double kConvergedEssPerChain = 100.0;
 
 // Marginals, by the chosen method or by `auto`'s choice for each component.
@@ -25,9 +27,15 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
     return method->run(context);
   }
   std::vector<ComponentId> narrow, wide;
+  int failed_searches = 0;
   for (ComponentId c : context.components) {
     const ExactCost cost = exact_cost(context.network, c, context.options);
-    (!cost.possible || (cost.feasible && cost.total_log2 <= kQuickLog2) ? narrow : wide).push_back(c);
+    bool exact = !cost.possible || (cost.feasible && cost.total_log2 <= kQuickLog2);
+    if (!exact && !cost.feasible && failed_searches < kAutoFailedSearches) {
+      exact = search_is_cheap(context.network, c, context.options, context.atom_bias, context.stop);
+      failed_searches += exact ? 0 : 1;
+    }
+    (exact ? narrow : wide).push_back(c);
   }
   used = wide.empty() ? "exact" : narrow.empty() ? "mcsat" : "exact+mcsat";
   const InferenceOptions& options = context.options;

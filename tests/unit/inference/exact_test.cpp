@@ -417,11 +417,59 @@ TEST(Exact, SaysHowWideAComponentIsAndAnswersTheOthers) {
   EXPECT_TRUE(exact_cost(solver.network(), ComponentId(1), solver.options()).feasible);
 }
 
+// A block for each of `n` things with `values` values, and a weight for every pair of values of two blocks.
+GroundNetwork blocks(std::uint64_t seed, std::size_t n, std::uint32_t values, double unary, double pair) {
+  Rng rng(seed, 0);
+  NetworkBuilder builder;
+  const WeightId weight = builder.add_weight({});
+  std::vector<std::uint32_t> atoms;
+  const auto draw = [&](double spread) { return spread * (2.0 * rng.uniform() - 1.0); };
+  for (std::size_t i = 0; i < n; ++i) {
+    atoms.push_back(builder.first_atom(builder.add_anonymous(values, false)).value);
+    for (std::uint32_t v = 0; v < values; ++v) {
+      builder.add_feature(Literal::atom(AtomId(atoms[i] + v)), draw(unary), weight);
+      query(builder, Literal::atom(AtomId(atoms[i] + v)));
+    }
+    for (std::size_t j = 0; j < i; ++j) {
+      for (std::uint32_t v = 0; v < values * values; ++v) {
+        std::vector<Literal> both{Literal::atom(AtomId(atoms[i] + v / values)),
+                                  Literal::atom(AtomId(atoms[j] + v % values))};
+        builder.add_feature(builder.make_and(both), draw(pair), weight);
+      }
+    }
+  }
+  return builder.build();
+}
+
+TEST(Exact, SearchesWhatIsTooWideForElimination) {
+  Solver eliminated(blocks(3, 5, 9, 12.0, 0.8)), searched(blocks(3, 5, 9, 12.0, 0.8));
+  searched.options().max_table_log2 = 8;  // 9^5 is 2^16
+  ASSERT_FALSE(exact_cost(searched.network(), ComponentId(0), searched.options()).feasible);
+  const MethodResult expected = eliminated.marginals(), result = searched.marginals();
+  ASSERT_EQ(expected.termination, Termination::kCompleted);
+  ASSERT_EQ(result.termination, Termination::kCompleted) << result.message;
+  EXPECT_NEAR(*result.log_partition, *expected.log_partition, 1e-9);
+  EXPECT_NE(*result.log_partition, *expected.log_partition);  // summed in another way
+  for (std::size_t q = 0; q < expected.marginals.size(); ++q) {
+    EXPECT_NEAR(result.marginals[q].probability, expected.marginals[q].probability, 1e-9);
+  }
+  EXPECT_EQ(searched.map().termination, Termination::kTooWide);
+}
+
+TEST(Exact, SearchIsCheapWhereMassIsConcentrated) {
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  InferenceOptions options;
+  options.max_table_log2 = 10;
+  EXPECT_TRUE(search_is_cheap(blocks(1, 5, 9, 12.0, 0.8), ComponentId(0), options, {}, stop));
+  EXPECT_FALSE(search_is_cheap(clique_and_atom(60), ComponentId(0), options, {}, stop));
+}
+
 TEST(Exact, KeepsTheTableLimit) {
   Solver solver(clique_and_atom(10));
-  EXPECT_EQ(solver.marginals().termination, Termination::kCompleted);
+  EXPECT_EQ(solver.map().termination, Termination::kCompleted);
   solver.options().max_table_log2 = 9;
-  EXPECT_EQ(solver.marginals().termination, Termination::kTooWide);
+  EXPECT_EQ(solver.map().termination, Termination::kTooWide);
 }
 
 TEST(Exact, KeepsALimitOnAllTablesTogether) {
