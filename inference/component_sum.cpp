@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "inference/bounded_sum.h"
 #include "inference/prepared_component.h"
 
 namespace sherlog {
@@ -20,8 +21,10 @@ constexpr std::size_t kListedSteps = 4096;  // and up to so many worlds times ta
 Termination ComponentSum::sum(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
                               const StopCondition& stop) const {
   assert(log_potentials.size() == entry_count() && (beliefs.empty() || beliefs.size() == entry_count()));
-  const Termination termination = listed_ ? sum_worlds(log_potentials, log_partition, beliefs)
-                                          : sum_by_elimination(log_potentials, log_partition, beliefs, stop);
+  const Termination termination = way_ == Way::kWorlds ? sum_worlds(log_potentials, log_partition, beliefs)
+                                  : way_ == Way::kElimination
+                                      ? sum_by_elimination(log_potentials, log_partition, beliefs, stop)
+                                      : sum_by_search(log_potentials, log_partition, beliefs, stop);
   log_partition += constant_;
   return termination;
 }
@@ -76,13 +79,30 @@ Termination ComponentSum::sum_by_elimination(std::span<const double> log_potenti
   return Termination::kCompleted;
 }
 
+Termination ComponentSum::sum_by_search(std::span<const double> log_potentials, double& log_partition,
+                                        std::span<double> beliefs, const StopCondition& stop) const {
+  fill_tables(log_potentials);
+  const BoundedSumOptions options{options_.relative_gap, options_.max_steps, !beliefs.empty(), threshold_};
+  const BoundedSumResult result = bounded_sum(cardinalities_, scopes_, tables_, options, stop);
+  log_partition = result.log_partition;
+  threshold_ = 0.0;  // after a failure the next one starts afresh
+  if (result.termination != Termination::kCompleted) return result.termination;
+  if (log_partition == -kInfinity) return Termination::kNoPossibleWorld;
+  threshold_ = result.threshold;
+  auto out = beliefs.begin();
+  for (const auto& marginals : result.table_marginals) out = std::ranges::copy(marginals, out).out;
+  return Termination::kCompleted;
+}
+
 // ---------------------------------------------------------------------------------------------------------------------
 
 class ComponentSumCompiler {
  public:
   ComponentSumCompiler(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
-                       const StopCondition& stop, std::span<const double> atom_bias)
+                       const StopCondition& stop, std::span<const double> atom_bias,
+                       const ComponentSumOptions& sum_options)
       : network_(network), component_(component), options_(options), stop_(stop) {
+    sum_.options_ = sum_options;
     FactorGraphOptions compilation{atom_bias, false, options.max_memory};
     compilation.keep_features = true;
     prepared_ = prepare_component(network, component, options, compilation);
@@ -90,17 +110,23 @@ class ComponentSumCompiler {
 
   CompiledComponent run() {
     if (!prepared_.graph.possible) return impossible(std::move(prepared_.graph.conflict));
-    if (!prepared_.graph.too_large) list_worlds();
-    if (!sum_.listed_) {
+    if (prepared_.graph.too_large || !list_worlds()) {
+      const std::size_t variables = prepared_.graph.cardinalities.size();
       Obstacle found = obstacle(network_, component_, prepared_, options_);
-      if (found.termination != Termination::kCompleted)
+      const bool too_wide = found.termination == Termination::kTooWide;
+      if (found.termination != Termination::kCompleted &&
+          (!too_wide || variables > sum_.options_.max_searched_variables))
         return {std::nullopt, found.termination, std::move(found.message), {}};
-      sum_.tree_ = BucketTree(prepared_.graph.cardinalities, prepared_.graph.scopes, prepared_.order.order);
+      sum_.way_ = too_wide ? ComponentSum::Way::kSearch : ComponentSum::Way::kElimination;
     }
     take_graph();
-    // Whether there is a world at all shows before any weight is known.
+    // Whether there is a world at all shows before any weight is known. Bounded search says it with the first sum: to
+    // ask at weights of zero, where nothing is likelier than anything else, would be the hardest question of all.
     double log_partition = 0.0;
-    const Termination termination = sum_.sum(std::vector<double>(sum_.entry_count(), 0.0), log_partition, {}, stop_);
+    const Termination termination =
+        sum_.way_ == ComponentSum::Way::kSearch
+            ? Termination::kCompleted
+            : sum_.sum(std::vector<double>(sum_.entry_count(), 0.0), log_partition, {}, stop_);
     if (termination == Termination::kNoPossibleWorld) {
       const auto constraints = network_.component_constraints(component_);
       return impossible({constraints.begin(), constraints.end()});
@@ -116,12 +142,12 @@ class ComponentSumCompiler {
     return {std::nullopt, Termination::kNoPossibleWorld, "no world meets all hard formulas", std::move(conflict)};
   }
 
-  // Fills world_entries_ and world_static_ where the possible worlds are few.
-  void list_worlds() {
+  // Fills world_entries_ and world_static_ where the possible worlds are few; else false.
+  bool list_worlds() {
     const FactorGraph& graph = prepared_.graph;
     double joint = 1.0;
     for (const std::uint32_t k : graph.cardinalities) joint *= k;
-    if (joint > kFewJoint) return;
+    if (joint > kFewJoint) return false;
     std::vector<std::uint32_t> values(graph.cardinalities.size(), 0), entries(graph.tables.size());
     do {
       const double score = look_up(values, entries);
@@ -131,12 +157,12 @@ class ComponentSumCompiler {
         if (sum_.world_static_.size() * (entries.size() + 4) > kListedSteps) {
           sum_.world_static_.clear();
           sum_.world_entries_.clear();
-          return;
+          return false;
         }
       }
     } while (advance(values));
     sum_.world_score_.resize(sum_.world_static_.size());
-    sum_.listed_ = true;
+    return true;
   }
 
   // The entries that hold at these values; returns the sum of what the tables say there.
@@ -179,7 +205,12 @@ class ComponentSumCompiler {
       sum_.features_.push_back(feature);
     }
     sum_.true_features_ = std::move(graph.true_features);
-    if (!sum_.listed_) sum_.tables_ = std::move(graph.tables);
+    if (sum_.way_ == ComponentSum::Way::kWorlds) return;
+    if (sum_.way_ == ComponentSum::Way::kElimination)
+      sum_.tree_ = BucketTree(graph.cardinalities, graph.scopes, prepared_.order.order);
+    sum_.tables_ = std::move(graph.tables);
+    sum_.cardinalities_ = std::move(graph.cardinalities);
+    sum_.scopes_ = std::move(graph.scopes);
   }
 
   const GroundNetwork& network_;
@@ -192,8 +223,8 @@ class ComponentSumCompiler {
 
 CompiledComponent compile_component_sum(const GroundNetwork& network, ComponentId component,
                                         const InferenceOptions& options, const StopCondition& stop,
-                                        std::span<const double> atom_bias) {
-  return ComponentSumCompiler(network, component, options, stop, atom_bias).run();
+                                        std::span<const double> atom_bias, const ComponentSumOptions& sum_options) {
+  return ComponentSumCompiler(network, component, options, stop, atom_bias, sum_options).run();
 }
 
 }  // namespace sherlog

@@ -6,10 +6,11 @@
 //           weight over the features that are true there), gets log Z and the probability of each entry back, and an
 //           expected count is the sum of a feature's entries' probabilities: the gradient of log Z.
 //           The sum is made in the cheapest way there is: over a list of all possible worlds where they are few,
-//           by elimination (elimination.h) where that is narrow enough.
+//           by elimination (elimination.h) where that is narrow enough, else by bounded search (bounded_sum.h), which can
+//           do a component of few variables for some weights and not for others, so that every sum may be refused.
 // Layout    Entries of all tables stand one after the other, 0 .. entry_count() - 1.
 // Errors    compile_component_sum says kNoPossibleWorld (with constraints that take part), kTooWide or kMemoryLimit.
-// Cost      sum: O(worlds x tables) for few worlds, without an allocation; else that of sum_product.
+// Cost      sum: O(worlds x tables) for few worlds, without an allocation; else that of sum_product or bounded_sum.
 #pragma once
 
 #include <cstddef>
@@ -28,14 +29,25 @@ namespace sherlog {
 
 struct CompiledComponent;
 
+struct ComponentSumOptions {
+  // Of bounded search; elimination and lists of worlds are exact.
+  double relative_gap = 1e-10;
+  std::uint64_t max_steps = 1'500'000'000;  // a sum, two or three seconds
+  // Components with more variables than this (auxiliary ones included) are not tried. 0: no bounded search.
+  std::size_t max_searched_variables = 64;
+};
+
 class ComponentSum {
  public:
+  enum class Way { kWorlds, kElimination, kSearch };
+
   // A feature that is true in some worlds and false in others.
   struct Feature {
     std::uint32_t feature = 0;  // index into network.features()
     std::uint32_t entry_begin = 0, entry_end = 0;
   };
 
+  Way way() const { return way_; }
   std::size_t entry_count() const { return static_.size(); }
   std::span<const Feature> features() const { return features_; }
   // Where the feature is true: entries of one table, so exactly one or none of them holds in a world.
@@ -50,8 +62,10 @@ class ComponentSum {
   // exp(sum of log_potentials at the entries that hold), plus the bias given at compilation. Features add nothing of
   // their own: those in true_features() are left to the caller.
   // beliefs: probability of each entry, as many as entry_count(); empty: not wanted.
-  // Returns kCompleted, kTimeLimit, kInterrupted, or kNoPossibleWorld where log_potentials of -infinity leave no world.
-  // Scratch is kept in the object: different objects may be summed at the same time, one object may not.
+  // Returns kCompleted, kTimeLimit, kInterrupted, kNoPossibleWorld where log_potentials of -infinity leave no world, or
+  // (bounded search) kTooWide where mass is spread over too many worlds at these weights.
+  // Scratch is kept in the object: different objects may be summed at the same time, one object may not. Bounded search
+  // starts where the last sum ended, so its last digits, within the gap, depend on the sums before.
   Termination sum(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
                   const StopCondition& stop) const;
 
@@ -61,6 +75,8 @@ class ComponentSum {
                          std::span<double> beliefs) const;
   Termination sum_by_elimination(std::span<const double> log_potentials, double& log_partition,
                                  std::span<double> beliefs, const StopCondition& stop) const;
+  Termination sum_by_search(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
+                            const StopCondition& stop) const;
   void fill_tables(std::span<const double> log_potentials) const;
 
   std::vector<double> static_;  // by entry: what does not change
@@ -69,13 +85,21 @@ class ComponentSum {
   double constant_ = 0.0;
   std::size_t table_count_ = 0;
 
-  bool listed_ = false;                       // worlds are listed
+  Way way_ = Way::kWorlds;
+
+  // kWorlds
   std::vector<std::uint32_t> world_entries_;  // world after world: one entry of each table
   std::vector<double> world_static_;          // by world
   mutable std::vector<double> world_score_;
 
-  BucketTree tree_;           // where they are not
+  // Otherwise
   mutable LogTables tables_;  // static_ plus log_potentials
+  BucketTree tree_;           // kElimination
+  // kSearch
+  ComponentSumOptions options_;
+  std::vector<std::uint32_t> cardinalities_;
+  std::vector<std::vector<std::uint32_t>> scopes_;
+  mutable double threshold_ = 0.0;  // of the last search
 };
 
 // Either a sum or the reason why there is none.
@@ -89,6 +113,7 @@ struct CompiledComponent {
 // `options`: max_table_log2 and max_memory. `atom_bias`: by atom of the network, or empty.
 CompiledComponent compile_component_sum(const GroundNetwork& network, ComponentId component,
                                         const InferenceOptions& options, const StopCondition& stop,
-                                        std::span<const double> atom_bias = {});
+                                        std::span<const double> atom_bias = {},
+                                        const ComponentSumOptions& sum_options = {});
 
 }  // namespace sherlog
