@@ -13,12 +13,13 @@ write_commands() {
   echo '```text'
   "$program" --help
   echo '```'
-  for command in check ground infer explain convert; do
+  for command in check ground infer explain convert 'scenes generate'; do
     echo
     echo "## sherlog $command"
     echo
     echo '```text'
-    "$program" "$command" --help
+    # shellcheck disable=SC2086  # a command may be two words
+    "$program" $command --help
     echo '```'
   done
 }
