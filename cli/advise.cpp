@@ -123,10 +123,7 @@ void print_problem(Session& session, const Model& model, const Evidence& evidenc
   session.print_message(conflict_text(conflict, result.message));
 }
 
-int run_advise(Options options, const Advising& advising) {
-  Session session(std::move(options));
-  if (!session.check_options()) return kBadInput;
-  if (advising.max_outcomes == 0) return session.error("--max-outcomes: 0 is not at least 1"), kBadInput;
+int advise_one_scene(Session& session, const Advising& advising) {
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto databases = session.read_evidence(*model);
@@ -136,8 +133,9 @@ int run_advise(Options options, const Advising& advising) {
     return kBadInput;
   }
   const Evidence& evidence = databases->front();
-  const auto query = session.read_query(*model, evidence);
-  if (!query) return kBadInput;
+  const auto queries = session.read_queries(*model, *databases);
+  if (!queries) return kBadInput;
+  const Query* query = &queries->front();
   const auto annotators = annotators_of(session, *model, *query, advising.costs);
   if (!annotators) return kBadInput;
   AdviceOptions advice_options;
@@ -148,11 +146,19 @@ int run_advise(Options options, const Advising& advising) {
   advice_options.information.max_outcomes = advising.max_outcomes;
 
   const AdviceResult result = advise(*model, evidence, *query, *annotators, advice_options, session.monitor());
+  session.release_memory();
   for (const std::string& warning : result.entropy.result.warnings) session.warning(warning);
   std::vector<ConflictItem> conflict;
   print_problem(session, *model, evidence, result, conflict);
   return session.finish(exit_code(result.termination), advice_text(result, *annotators, advising.top),
                         [&] { return to_text(advice_json(result, *annotators, conflict, session.seconds())); });
+}
+
+int run_advise(Options options, const Advising& advising) {
+  Session session(std::move(options));
+  if (!session.check_options()) return kBadInput;
+  if (advising.max_outcomes == 0) return session.error("--max-outcomes: 0 is not at least 1"), kBadInput;
+  return session.run("sherlog.advise/1", [&] { return advise_one_scene(session, advising); });
 }
 
 }  // namespace

@@ -120,9 +120,7 @@ std::string learn_text(const LearningResult& result, const Arguments& arguments)
   return text;
 }
 
-int run_learn(const Arguments& arguments) {
-  Session session(arguments.options);
-  if (!session.check_options({arguments.output})) return kBadInput;
+int learn_and_write(Session& session, const Arguments& arguments) {
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto options = learning_options(session, *model, arguments.learning);
@@ -131,6 +129,7 @@ int run_learn(const Arguments& arguments) {
   if (!databases) return kBadInput;
 
   const LearningResult result = learn(*model, *databases, *options, session.monitor());
+  session.release_memory();
   for (const std::string& warning : result.warnings) session.warning(warning);
   if (result.termination != Termination::kCompleted) {
     session.error(result.message + (result.weights.empty() ? "" : "; the weights are the best so far"));
@@ -147,6 +146,12 @@ int run_learn(const Arguments& arguments) {
   }
   const std::string text = arguments.output == "-" ? "" : learn_text(result, arguments);
   return session.finish(exit_code(result.termination), text, [&] { return to_text(learn_json(result)); });
+}
+
+int run_learn(const Arguments& arguments) {
+  Session session(arguments.options);
+  if (!session.check_options({arguments.output})) return kBadInput;
+  return session.run("sherlog.learn/1", [&] { return learn_and_write(session, arguments); });
 }
 
 }  // namespace

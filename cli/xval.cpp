@@ -180,9 +180,7 @@ bool write_reports(Session& session, const Arguments& arguments, const CrossVali
          write(arguments.predictions, [&] { return predictions_csv(result); });
 }
 
-int run_xval(const Arguments& arguments) {
-  Session session(arguments.options);
-  if (!session.check_options(outputs(arguments))) return kBadInput;
+int validate_and_write(Session& session, const Arguments& arguments) {
   if (arguments.options.queries.size() != 1) {
     return session.error("name the one predicate that is to be predicted with -q"), kBadInput;
   }
@@ -214,12 +212,19 @@ int run_xval(const Arguments& arguments) {
   if (!databases) return kBadInput;
 
   const CrossValidationResult result = cross_validate(*model, *databases, options, session.monitor());
+  session.release_memory();
   for (const std::string& warning : result.warnings) session.warning(warning);
   if (result.termination != Termination::kCompleted) {
     session.error(result.message + (result.folds.empty() ? "" : "; the figures are those of the folds so far"));
   }
   if (result.evaluation.examples > 0 && !write_reports(session, arguments, result)) return kInternalError;
   return session.finish(exit_code(result.termination), xval_text(result), [&] { return to_text(xval_json(result)); });
+}
+
+int run_xval(const Arguments& arguments) {
+  Session session(arguments.options);
+  if (!session.check_options(outputs(arguments))) return kBadInput;
+  return session.run("sherlog.xval/1", [&] { return validate_and_write(session, arguments); });
 }
 
 }  // namespace

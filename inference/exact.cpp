@@ -118,7 +118,7 @@ class ExactRun {
       Answer out;
       out.started = true;
       out.termination = Termination::kMemoryLimit;
-      out.message = fmt::format("memory ran out in {}", describe(context_.network, component));
+      out.message = fmt::format("memory ran out in {}", describe_component(context_.network, component));
       return out;
     }
   }

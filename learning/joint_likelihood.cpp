@@ -7,6 +7,7 @@
 #include <cmath>
 #include <thread>
 
+#include "inference/parallel.h"
 #include "inference/world.h"
 #include "learning/column_signatures.h"
 
@@ -110,11 +111,7 @@ void JointLikelihood::sum_all() {
   };
   std::fill(terminations_.begin(), terminations_.end(), Termination::kCompleted);
   const std::size_t wanted = static_cast<std::size_t>(potentials_.size()) < kRowsForThreads ? 1 : threads_;
-  {
-    std::vector<std::jthread> helpers;
-    for (std::size_t t = 1; t < std::min(wanted, parts_.size()); ++t) helpers.emplace_back(run);
-    run();
-  }
+  run_on_threads(std::min(wanted, parts_.size()), run);
   for (std::size_t p = 0; p < parts_.size(); ++p) {
     if (terminations_[p] == Termination::kCompleted) continue;
     termination_ = terminations_[p];

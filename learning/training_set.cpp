@@ -4,6 +4,7 @@
 #include <atomic>
 #include <thread>
 
+#include "inference/parallel.h"
 #include "mln/shared_domains.h"
 
 namespace sherlog {
@@ -33,11 +34,7 @@ TrainingProblem for_each_database(std::size_t count, std::uint32_t threads, cons
         problems[d - begin] = work(d);
       }
     };
-    {
-      std::vector<std::jthread> helpers;
-      for (std::size_t t = 1; t < std::min<std::size_t>(threads, end - begin); ++t) helpers.emplace_back(run);
-      run();
-    }
+    run_on_threads(std::min<std::size_t>(threads, end - begin), run);
     for (std::size_t d = begin; d < end; ++d) {
       if (problems[d - begin].termination != Termination::kCompleted) return problems[d - begin];
       collect(d);
