@@ -88,7 +88,9 @@ Termination ComponentSum::sum_by_search(std::span<const double> log_potentials, 
   threshold_ = 0.0;  // after a failure the next one starts afresh
   if (result.termination != Termination::kCompleted) return result.termination;
   if (log_partition == -kInfinity) return Termination::kNoPossibleWorld;
-  threshold_ = result.threshold;
+  // Weights change between sums; where much less was dropped than allowed, the next one may drop more.
+  const double slack = 0.5 * options_.relative_gap / std::max(result.relative_gap, 1e-300);
+  threshold_ = result.threshold * std::clamp(slack, 1.0, 1e3);
   auto out = beliefs.begin();
   for (const auto& marginals : result.table_marginals) out = std::ranges::copy(marginals, out).out;
   return Termination::kCompleted;
