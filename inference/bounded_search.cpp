@@ -71,6 +71,19 @@ class BoundedSearch::Walker {
   double dropped() const { return dropped_; }
   bool stopped() const { return out_of_steps_ || termination_ != Termination::kCompleted; }
   Termination termination() const { return out_of_steps_ ? Termination::kTooWide : termination_; }
+  double full_steps() const {
+    double nodes = 1.0, steps = 0.0;
+    for (std::size_t depth = 0; depth < bottom_; ++depth) {
+      const Level& level = levels_[depth];
+      double child = 0.0;
+      for (const Update& update : level.updates) child += static_cast<double>(update.packs * kLanes + kUpdateSteps);
+      const auto size = static_cast<double>(level.size);
+      steps += nodes * (size * (child + kValueSteps) + kNodeSteps);
+      nodes *= size;
+    }
+    const std::size_t rows = levels_[bottom_].size;
+    return steps + nodes * static_cast<double>((rows + 4) * problem_.width.back() + kValueSteps * rows + kNodeSteps);
+  }
   std::uint64_t steps() const { return steps_; }
   std::uint64_t nodes() const { return nodes_; }
   double mass(std::size_t position, std::size_t value) const { return mass_[slots_[position].begin + value]; }
@@ -512,6 +525,7 @@ double BoundedSearch::mass(std::size_t position, std::size_t value) const { retu
 double BoundedSearch::belief(std::size_t ratio_index) const { return walker_->belief(ratio_index); }
 bool BoundedSearch::stopped() const { return walker_->stopped(); }
 Termination BoundedSearch::termination() const { return walker_->termination(); }
+double BoundedSearch::full_steps() const { return walker_->full_steps(); }
 std::uint64_t BoundedSearch::steps() const { return walker_->steps(); }
 std::uint64_t BoundedSearch::nodes() const { return walker_->nodes(); }
 

@@ -35,6 +35,8 @@ class BoundedSearch {
 
   bool stopped() const;
   Termination termination() const;  // kTooWide: out of steps
+  // Of a run that drops nothing.
+  double full_steps() const;
   // In all runs together. Nodes: those with two variables left.
   std::uint64_t steps() const;
   std::uint64_t nodes() const;

@@ -17,11 +17,13 @@ constexpr double kHopelessLog = 500.0;
 
 // The thresholds of one search after the other. Gap and steps are close to powers of the threshold over some orders of
 // magnitude, the gap's exponent growing slowly, so the last two searches tell the next threshold; each asks for much more
-// work than the one before, so all together cost little more than the last.
+// work than the one before, so all together cost little more than the last. Where that would visit a good part of all
+// assignments, nothing is dropped at all.
 class Schedule {
  public:
-  explicit Schedule(const BoundedSumOptions& options)
+  Schedule(const BoundedSumOptions& options, double full_steps)
       : options_(options),
+        full_steps_(full_steps),
         threshold_(options.first_threshold > 0.0 ? options.first_threshold : kFirstThreshold),
         last_expected_(options.first_threshold > 0.0) {}
 
@@ -35,7 +37,9 @@ class Schedule {
     const std::uint64_t left = options_.max_steps - used;
     if (needed_ > kOptimism * static_cast<double>(left)) return 0;
     // Where the first and easiest search takes long there is no hope.
-    return searches_ == 0 && options_.first_threshold <= 0.0 ? std::min(left, options_.max_steps / 8) : left;
+    const bool may_be_hopeless = full_steps_ > static_cast<double>(left);
+    return searches_ == 0 && options_.first_threshold <= 0.0 && may_be_hopeless ? std::min(left, options_.max_steps / 8)
+                                                                                : left;
   }
 
   // What the last search found and took.
@@ -54,20 +58,28 @@ class Schedule {
     const double wanted = (std::log(0.8 * options_.relative_gap) - log_gap) / exponent;
     const double step = std::max(wanted, -kLongestStep);
     last_expected_ = step == wanted;
-    if (searches_ > 1) needed_ = steps * std::exp(-growth * wanted);
+    if (searches_ > 1) needed_ = std::min(full_steps_, steps * std::exp(-growth * wanted));
     last_log_gap_ = log_gap;
     last_log_threshold_ = log_threshold;
     last_log_steps_ = log_steps;
     threshold_ *= std::exp(step);
+    if (needed_ > kGoodPart * full_steps_) {
+      threshold_ = kNothingDropped;
+      last_expected_ = true;
+      needed_ = full_steps_;
+    }
   }
 
  private:
   static constexpr double kFirstThreshold = 1e-3;
   static constexpr double kUsualExponent = 0.65, kUsualGrowth = 0.3;
   static constexpr double kLongestStep = 7.0;  // three orders of magnitude; the exponents are not to be trusted further
-  static constexpr double kOptimism = 4.0;     // more steps than this times those left: not tried
+  static constexpr double kGoodPart = 0.9;
+  static constexpr double kNothingDropped = 1e-280;
+  static constexpr double kOptimism = 4.0;  // more steps than this times those left: not tried
 
   const BoundedSumOptions& options_;
+  double full_steps_;
   double threshold_;
   bool last_expected_;
   int searches_ = 0;
@@ -120,7 +132,7 @@ BoundedSumResult bounded_sum(std::span<const std::uint32_t> cardinalities,
     return result;
   }
   // From here on sums are in units of what the best world found, so none is below 1.
-  Schedule schedule(options);
+  Schedule schedule(options, search.full_steps());
   while (true) {
     const bool last = schedule.last_expected();
     const std::uint64_t before = search.steps();

@@ -15,6 +15,11 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kFewJoint = 4096;          // up to so many joint values it is asked how many of them are possible,
 constexpr std::size_t kListedSteps = 4096;  // and up to so many worlds times tables they are listed
+// Elimination over so many joined entries is worth a try by search first, which gets so many steps for each: half of the
+// time or so.
+constexpr double kTrialLog2 = 17.0;
+constexpr std::uint64_t kTrialSteps = 12;
+constexpr std::uint32_t kLongestPause = 5;  // after failures: 31 sums
 
 }  // namespace
 
@@ -23,8 +28,8 @@ Termination ComponentSum::sum(std::span<const double> log_potentials, double& lo
   assert(log_potentials.size() == entry_count() && (beliefs.empty() || beliefs.size() == entry_count()));
   const Termination termination = way_ == Way::kWorlds ? sum_worlds(log_potentials, log_partition, beliefs)
                                   : way_ == Way::kElimination
-                                      ? sum_by_elimination(log_potentials, log_partition, beliefs, stop)
-                                      : sum_by_search(log_potentials, log_partition, beliefs, stop);
+                                      ? sum_by_either(log_potentials, log_partition, beliefs, stop)
+                                      : sum_by_search(log_potentials, log_partition, beliefs, options_.max_steps, stop);
   log_partition += constant_;
   return termination;
 }
@@ -80,9 +85,10 @@ Termination ComponentSum::sum_by_elimination(std::span<const double> log_potenti
 }
 
 Termination ComponentSum::sum_by_search(std::span<const double> log_potentials, double& log_partition,
-                                        std::span<double> beliefs, const StopCondition& stop) const {
+                                        std::span<double> beliefs, std::uint64_t max_steps,
+                                        const StopCondition& stop) const {
   fill_tables(log_potentials);
-  const BoundedSumOptions options{options_.relative_gap, options_.max_steps, !beliefs.empty(), threshold_};
+  const BoundedSumOptions options{options_.relative_gap, max_steps, !beliefs.empty(), threshold_};
   const BoundedSumResult result = bounded_sum(cardinalities_, scopes_, tables_, options, stop);
   log_partition = result.log_partition;
   threshold_ = 0.0;  // after a failure the next one starts afresh
@@ -90,10 +96,23 @@ Termination ComponentSum::sum_by_search(std::span<const double> log_potentials, 
   if (log_partition == -kInfinity) return Termination::kNoPossibleWorld;
   // Weights change between sums; where much less was dropped than allowed, the next one may drop more.
   const double slack = 0.5 * options_.relative_gap / std::max(result.relative_gap, 1e-300);
-  threshold_ = result.threshold * std::clamp(slack, 1.0, 1e3);
+  threshold_ = result.relative_gap > 0.0 ? result.threshold * std::clamp(slack, 1.0, 1e3) : 0.0;
   auto out = beliefs.begin();
   for (const auto& marginals : result.table_marginals) out = std::ranges::copy(marginals, out).out;
   return Termination::kCompleted;
+}
+
+Termination ComponentSum::sum_by_either(std::span<const double> log_potentials, double& log_partition,
+                                        std::span<double> beliefs, const StopCondition& stop) const {
+  if (trial_steps_ > 0 && sums_to_trial_ == 0) {
+    const Termination found = sum_by_search(log_potentials, log_partition, beliefs, trial_steps_, stop);
+    failed_trials_ = found == Termination::kTooWide ? std::min(failed_trials_ + 1, kLongestPause) : 0;
+    sums_to_trial_ = (1u << failed_trials_) - 1;
+    if (found != Termination::kTooWide) return found;
+  } else if (sums_to_trial_ > 0) {
+    --sums_to_trial_;
+  }
+  return sum_by_elimination(log_potentials, log_partition, beliefs, stop);
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
@@ -129,6 +148,7 @@ class ComponentSumCompiler {
         sum_.way_ == ComponentSum::Way::kSearch
             ? Termination::kCompleted
             : sum_.sum(std::vector<double>(sum_.entry_count(), 0.0), log_partition, {}, stop_);
+    sum_.failed_trials_ = sum_.sums_to_trial_ = 0;
     if (termination == Termination::kNoPossibleWorld) {
       const auto constraints = network_.component_constraints(component_);
       return impossible({constraints.begin(), constraints.end()});
@@ -208,8 +228,12 @@ class ComponentSumCompiler {
     }
     sum_.true_features_ = std::move(graph.true_features);
     if (sum_.way_ == ComponentSum::Way::kWorlds) return;
-    if (sum_.way_ == ComponentSum::Way::kElimination)
+    if (sum_.way_ == ComponentSum::Way::kElimination) {
       sum_.tree_ = BucketTree(graph.cardinalities, graph.scopes, prepared_.order.order);
+      if (prepared_.order.total_log2 >= kTrialLog2 &&
+          graph.cardinalities.size() <= sum_.options_.max_searched_variables)
+        sum_.trial_steps_ = kTrialSteps * sum_.tree_.total_joined();
+    }
     sum_.tables_ = std::move(graph.tables);
     sum_.cardinalities_ = std::move(graph.cardinalities);
     sum_.scopes_ = std::move(graph.scopes);

@@ -8,6 +8,8 @@
 //           The sum is made in the cheapest way there is: over a list of all possible worlds where they are few,
 //           by elimination (elimination.h) where that is narrow enough, else by bounded search (bounded_sum.h), which can
 //           do a component of few variables for some weights and not for others, so that every sum may be refused.
+//           Where elimination takes long, search is tried first, for no longer than that (five variables of 21 values:
+//           10 ms instead of 100, whatever the weights), and the less often the more it fails.
 // Layout    Entries of all tables stand one after the other, 0 .. entry_count() - 1.
 // Errors    compile_component_sum says kNoPossibleWorld (with constraints that take part), kTooWide or kMemoryLimit.
 // Cost      sum: O(worlds x tables) for few worlds, without an allocation; else that of sum_product or bounded_sum.
@@ -65,7 +67,7 @@ class ComponentSum {
   // Returns kCompleted, kTimeLimit, kInterrupted, kNoPossibleWorld where log_potentials of -infinity leave no world, or
   // (bounded search) kTooWide where mass is spread over too many worlds at these weights.
   // Scratch is kept in the object: different objects may be summed at the same time, one object may not. Bounded search
-  // starts where the last sum ended, so its last digits, within the gap, depend on the sums before.
+  // starts where the last sum ended, so the last digits, within the gap, depend on the sums before.
   Termination sum(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
                   const StopCondition& stop) const;
 
@@ -76,6 +78,9 @@ class ComponentSum {
   Termination sum_by_elimination(std::span<const double> log_potentials, double& log_partition,
                                  std::span<double> beliefs, const StopCondition& stop) const;
   Termination sum_by_search(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
+                            std::uint64_t max_steps, const StopCondition& stop) const;
+  // Elimination, or search where it is worth a try and succeeds.
+  Termination sum_by_either(std::span<const double> log_potentials, double& log_partition, std::span<double> beliefs,
                             const StopCondition& stop) const;
   void fill_tables(std::span<const double> log_potentials) const;
 
@@ -95,7 +100,10 @@ class ComponentSum {
   // Otherwise
   mutable LogTables tables_;  // static_ plus log_potentials
   BucketTree tree_;           // kElimination
-  // kSearch
+  // kSearch, or kElimination with trial_steps_
+  std::uint64_t trial_steps_ = 0;            // what elimination costs; 0: search is not tried
+  mutable std::uint32_t failed_trials_ = 0;  // in a row
+  mutable std::uint32_t sums_to_trial_ = 0;
   ComponentSumOptions options_;
   std::vector<std::uint32_t> cardinalities_;
   std::vector<std::vector<std::uint32_t>> scopes_;

@@ -187,6 +187,49 @@ TEST(ComponentSum, SaysAtWhichWeightsSearchTakesTooLong) {
   EXPECT_NEAR(log_partition, 943.5, 1e-9);
 }
 
+// Search is tried first; where mass is spread it fails and elimination does the work.
+TEST(ComponentSum, OfAnySharpnessEqualsElimination) {
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  NetworkBuilder builder;
+  const WeightId weight = builder.add_weight({});
+  std::vector<std::uint32_t> blocks;
+  for (int i = 0; i < 5; ++i) {
+    blocks.push_back(builder.first_atom(builder.add_anonymous(11, false)).value);
+    for (std::uint32_t v = 0; v < 11; ++v) builder.add_feature(Literal::atom(AtomId(blocks.back() + v)), 1.0, weight);
+    for (int j = 0; j < i; ++j) {
+      for (std::uint32_t v = 0; v < 11; ++v) {
+        std::vector<Literal> both{Literal::atom(AtomId(blocks.back() + v)),
+                                  Literal::atom(AtomId(blocks[static_cast<std::size_t>(j)] + v))};
+        builder.add_feature(builder.make_and(both), 1.0, weight);
+      }
+    }
+  }
+  const GroundNetwork network = builder.build();
+  ComponentSumOptions without;
+  without.max_searched_variables = 0;
+  const CompiledComponent either = compile_component_sum(network, ComponentId(0), {}, stop);
+  const CompiledComponent eliminated = compile_component_sum(network, ComponentId(0), {}, stop, {}, without);
+  ASSERT_TRUE(either.sum.has_value() && eliminated.sum.has_value());
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  bool searched = false;
+  for (int round = 0; round < 60; ++round) {
+    SCOPED_TRACE(round);
+    const double sharpness = 0.5 * (round % 20);
+    std::vector<double> potentials(either.sum->entry_count());
+    for (double& p : potentials) p = sharpness * normal(random);
+    std::vector<double> beliefs(potentials.size()), expected(potentials.size());
+    double log_partition = 0.0, expected_log_partition = 0.0;
+    ASSERT_EQ(either.sum->sum(potentials, log_partition, beliefs, stop), Termination::kCompleted);
+    ASSERT_EQ(eliminated.sum->sum(potentials, expected_log_partition, expected, stop), Termination::kCompleted);
+    EXPECT_NEAR(log_partition, expected_log_partition, 1e-9);
+    for (std::size_t e = 0; e < expected.size(); ++e) EXPECT_NEAR(beliefs[e], expected[e], 1e-9) << "entry " << e;
+    searched = searched || log_partition != expected_log_partition;
+  }
+  EXPECT_TRUE(searched);
+}
+
 TEST(ComponentSum, SaysWhyThereIsNone) {
   Monitor monitor;
   const StopCondition stop(monitor);
