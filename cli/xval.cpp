@@ -201,6 +201,7 @@ int validate_and_write(Session& session, const Arguments& arguments) {
   options.seed = arguments.options.seed;
   options.learning = *learning_chosen;
   options.inference = session.inference_options();
+  options.inference.search_gap = 1e-6;  // far below what sampling would miss
   options.tuning_method = arguments.tuning_method;
   options.tuning_folds = arguments.tuning_folds;
   options.tuning_rounds = arguments.tuning_rounds;

@@ -49,9 +49,10 @@ bool to_be_searched(const PreparedComponent& prepared, const InferenceOptions& o
          search_bytes(graph) <= static_cast<double>(options.max_memory);
 }
 
-BoundedSumResult bounded_search(const FactorGraph& graph, std::uint64_t steps, const StopCondition& stop) {
+BoundedSumResult bounded_search(const FactorGraph& graph, std::uint64_t steps, double gap, const StopCondition& stop) {
   BoundedSumOptions options;
   options.max_steps = steps;
+  options.relative_gap = gap;
   options.with_marginals = !graph.queries.empty();
   return bounded_sum(graph.cardinalities, graph.scopes, graph.tables, options, stop);
 }
@@ -192,7 +193,7 @@ class ExactRun {
     const FactorGraph& graph = prepared.graph;
     const double bytes = search_bytes(graph);
     gate_.enter(bytes);
-    const BoundedSumResult result = bounded_search(graph, kSearchSteps, context_.stop);
+    const BoundedSumResult result = bounded_search(graph, kSearchSteps, context_.options.search_gap, context_.stop);
     gate_.leave(bytes);
     if (result.termination == Termination::kTooWide) return false;
     out.termination = result.termination;
@@ -337,7 +338,7 @@ bool search_is_cheap(const GroundNetwork& network, ComponentId component, const 
   const PreparedComponent prepared =
       prepare_component(network, component, options, {atom_bias, true, options.max_memory});
   return to_be_searched(prepared, options) &&
-         bounded_search(prepared.graph, kCheapSearchSteps, stop).termination == Termination::kCompleted;
+         bounded_search(prepared.graph, kCheapSearchSteps, options.search_gap, stop).termination == Termination::kCompleted;
 }
 
 }  // namespace sherlog

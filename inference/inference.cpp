@@ -108,6 +108,7 @@ std::string validate(const InferenceOptions& options) {
       {"max-seconds", options.max_seconds, 0, std::numeric_limits<double>::infinity()},
       {"max-memory", static_cast<double>(options.max_memory), 1, std::numeric_limits<double>::infinity()},
       {"max-table-log2", options.max_table_log2, 1, 31},
+      {"search-gap", options.search_gap, 0, 1},
       {"flips", static_cast<double>(options.flips), 1, 1e18},
       {"restarts", static_cast<double>(options.restarts), 1, 1e6},
   };

@@ -186,8 +186,7 @@ class CrossValidation {
            bool& converged) {
     const std::unique_ptr<Objective> objective = data.objective(train);
     const StartingPoint start = starting_point(set_, learning, *objective);
-    const OptimiserResult best =
-        maximise(*objective, start.weights, start.free, start.priors, learning.optimiser, stop_);
+    const OptimiserResult best = maximise(data, train, *objective, start, learning.optimiser, stop_);
     if (best.termination != Termination::kCompleted) {
       return fail(best.termination, objective->message().empty() ? best.reason : objective->message());
     }

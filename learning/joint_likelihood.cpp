@@ -20,7 +20,9 @@ constexpr double kDifference = 1e-4;            // of a weight, for second deriv
 }  // namespace
 
 JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const InferenceOptions& options,
-                                     const StopCondition& stop) {
+                                     double search_gap, const StopCondition& stop) {
+  ComponentSumOptions sums;
+  sums.relative_gap = search_gap;
   JointPartsOrProblem out;
   const GroundNetwork& network = observed.network;
   const WorldIndex index(network);
@@ -28,7 +30,7 @@ JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const Infe
   world.assign(observed.values);
   out.parts.free_log_count = network.free_log_count();
   for (std::size_t c = 0; c < network.component_count(); ++c) {
-    CompiledComponent compiled = compile_component_sum(network, ComponentId(c), options, stop);
+    CompiledComponent compiled = compile_component_sum(network, ComponentId(c), options, stop, {}, sums);
     if (!compiled.sum) {
       out.termination = compiled.termination;
       out.message = std::move(compiled.message);
@@ -124,6 +126,8 @@ void JointLikelihood::sum_all() {
 double JointLikelihood::evaluate(std::span<const double> weights, std::span<double> gradient) {
   const Eigen::Map<const Eigen::VectorXd> w(weights.data(), static_cast<Eigen::Index>(weights.size()));
   Eigen::Map<Eigen::VectorXd> g(gradient.data(), static_cast<Eigen::Index>(gradient.size()));
+  termination_ = Termination::kCompleted;  // a trial point that is too much for the sums does not end the search
+  message_.clear();
   potentials_.noalias() = rows_ * w;
   sum_all();
   if (termination_ != Termination::kCompleted) return 0.0;

@@ -43,8 +43,9 @@ struct JointPartsOrProblem {
 };
 
 // Errors: kTooWide (with the width and what to use instead), kMemoryLimit, or as stopped.
+// `search_gap`: share of a sum that a bounded search may leave out.
 JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const InferenceOptions& options,
-                                     const StopCondition& stop);
+                                     double search_gap, const StopCondition& stop);
 
 class JointLikelihood : public Objective {
  public:

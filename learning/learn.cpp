@@ -84,7 +84,7 @@ class Learning {
       result_.weights.push_back(weight);
     }
     OptimiserResult best =
-        maximise(*objective, start_.weights, start_.free, start_.priors, options_.optimiser, stop_);
+        maximise(*made.data, all, *objective, start_, options_.optimiser, stop_);
     result_.seconds.optimise = stop_.seconds() - result_.seconds.count;
     report(best, *objective);
     if (options_.standard_errors && result_.termination == Termination::kCompleted) add_errors(best, *objective);

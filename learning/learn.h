@@ -31,6 +31,8 @@ struct LearningOptions {
   std::vector<std::pair<FormulaId, Prior>> formula_priors;  // ... but those of these formulas
   OptimiserOptions optimiser;
   bool standard_errors = false;                   // from the second derivatives at the end: cubic in the weights
+  // cll, ll: share of a component's sum that a bounded search may leave out, where it is too wide for elimination.
+  double search_gap = 1e-4;
   std::uint64_t seed = 1;                         // mcsat
   std::uint32_t samples = 1000;                   // mcsat: kept draws an iteration
   std::uint32_t threads = 0;                      // 0: as many as the machine has; the result does not depend on it

@@ -22,6 +22,17 @@ const LearningMethod* find_learning_method(std::string_view name) {
   return nullptr;
 }
 
+OptimiserResult maximise(PreparedData& data, std::span<const std::uint32_t> databases, Objective& objective,
+                         const StartingPoint& start, const OptimiserOptions& options, const StopCondition& stop) {
+  const std::unique_ptr<Objective> nearby = data.nearby(databases);
+  if (!nearby) return maximise(objective, start.weights, start.free, start.priors, options, stop);
+  OptimiserOptions rough = options;
+  rough.gradient_tolerance = std::max(1e-2, options.gradient_tolerance);
+  rough.function_tolerance = std::max(1e-6, options.function_tolerance);
+  const OptimiserResult near = maximise(*nearby, start.weights, start.free, start.priors, rough, stop);
+  return maximise(objective, near.weights, start.free, start.priors, options, stop);
+}
+
 std::span<const LearningMethodInfo> learning_methods() {
   static const std::vector<LearningMethodInfo> infos = [] {
     std::vector<LearningMethodInfo> result;

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "learning/objective.h"
+#include "learning/optimiser.h"
 #include "learning/training_set.h"
 
 namespace sherlog {
@@ -15,6 +16,8 @@ class PreparedData {
   virtual ~PreparedData() = default;
   // Numbers of databases; where they were not kept separate: all or nothing. The PreparedData outlives the objective.
   virtual std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) = 0;
+  // Where an optimum of the objective is hard to reach from afar: another objective whose optimum is near it; else null.
+  virtual std::unique_ptr<Objective> nearby(std::span<const std::uint32_t>) { return nullptr; }
 };
 
 struct PreparedOrProblem {
@@ -38,6 +41,10 @@ struct StartingPoint {
   std::vector<Prior> priors;
 };
 StartingPoint starting_point(const TrainingSet& set, const LearningOptions& options, const Objective& objective);
+
+// From the starting point by way of the nearby objective, where there is one.
+OptimiserResult maximise(PreparedData& data, std::span<const std::uint32_t> databases, Objective& objective,
+                         const StartingPoint& start, const OptimiserOptions& options, const StopCondition& stop);
 
 // pll and dpll: one term for each variable of the mentioned / discriminative predicates.
 PreparedOrProblem prepare_pll(const TrainingSet&, const LearningOptions&, bool separate, const StopCondition&);

@@ -25,7 +25,7 @@ class Objective {
   virtual std::span<const double> support() const = 0;
   // Groups of weights that change the objective in the same way for all data at hand: only their sum is determined.
   virtual std::vector<std::vector<std::uint32_t>> indistinguishable() const { return {}; }
-  // Not kCompleted where an evaluation was cut short or failed; its value is then of no use.
+  // Of the last evaluation: not kCompleted where it was cut short or failed; its value is then of no use.
   virtual Termination termination() const { return Termination::kCompleted; }
   virtual std::string message() const { return ""; }
 };

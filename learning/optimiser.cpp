@@ -159,7 +159,10 @@ OptimiserResult maximise(Objective& objective, std::span<const double> start, co
     result.converged = outcome.converged;
     result.reason = outcome.reason;
   }
-  result.termination = objective.termination();
+  if (!good_start || objective.termination() == Termination::kInterrupted ||
+      objective.termination() == Termination::kTimeLimit) {
+    result.termination = objective.termination();
+  }
   if (result.termination == Termination::kCompleted && stop.reached() && !result.converged) {
     result.termination = stop.reason();
     result.reason = "it was stopped";
