@@ -89,16 +89,15 @@ Json learn_json(const LearningResult& result) {
     if (!learned.identified || learned.shared) entry["identified"] = false;
     json["weights"].push_back(std::move(entry));
   }
-  json["seconds"] = {{"count", result.seconds.count},
-                     {"optimise", result.seconds.optimise},
-                     {"total", result.seconds.total}};
+  json["seconds"] = {
+      {"count", result.seconds.count}, {"optimise", result.seconds.optimise}, {"total", result.seconds.total}};
   return json;
 }
 
 std::string learn_text(const LearningResult& result, const Arguments& arguments) {
-  std::string text = fmt::format("method {}: {} weights from {} databases; {} ({:.3f} s)\n", result.method,
-                                 result.weights.size(), result.databases, to_string(result.termination),
-                                 result.seconds.total);
+  std::string text =
+      fmt::format("method {}: {} weights from {} databases; {} ({:.3f} s)\n", result.method, result.weights.size(),
+                  result.databases, to_string(result.termination), result.seconds.total);
   if (result.weights.empty()) return text;
   text += outcome_text(result) + "\n";
   if (result.objective) text += objective_text(result) + "\n";

@@ -69,9 +69,7 @@ void add_learning_options(CLI::App& command, LearningArguments& arguments) {
              "Atoms of these predicates with the same arguments are one variable (bpll); repeatable");
   command.add_option("--prior-mean", arguments.prior_mean, "Mean of the Gaussian prior of each weight (default 0)")
       ->type_name("X");
-  command
-      .add_option("--prior-stdev", arguments.prior_stdev,
-                  "Its standard deviation (default 10); 'inf': no prior")
+  command.add_option("--prior-stdev", arguments.prior_stdev, "Its standard deviation (default 10); 'inf': no prior")
       ->type_name("X");
   repeatable("--formula-stdev", arguments.formula_stdevs, "N=X",
              "Another standard deviation for the N-th soft formula and all its instances; repeatable");
@@ -80,6 +78,11 @@ void add_learning_options(CLI::App& command, LearningArguments& arguments) {
                   "Rate of an L1 prior (default 0: none): many weights become exactly 0")
       ->type_name("X");
   command.add_option("--max-iterations", arguments.max_iterations, "Iterations at most (default 1000)")->type_name("N");
+  command
+      .add_option("--search-gap", arguments.search_gap,
+                  "Share of a sum that a bounded search may leave out, where a component is too wide for elimination "
+                  "(cll, ll; default 0.001)")
+      ->type_name("X");
   command
       .add_option("--tolerance", arguments.tolerance,
                   "The optimum is reached where no entry of the gradient exceeds X (default 1e-6)")
@@ -146,6 +149,7 @@ std::optional<LearningOptions> learning_options(Session& session, const Model& m
   result.optimiser.max_iterations = arguments.max_iterations;
   result.optimiser.gradient_tolerance = arguments.tolerance;
   result.standard_errors = arguments.standard_errors;
+  result.search_gap = arguments.search_gap;
   result.samples = arguments.samples;
   result.seed = session.options().seed;
   result.threads = session.options().threads;

@@ -20,6 +20,7 @@ struct LearningArguments {
   std::uint32_t max_iterations = OptimiserOptions{}.max_iterations;
   double tolerance = OptimiserOptions{}.gradient_tolerance;
   std::uint32_t samples = LearningOptions{}.samples;
+  double search_gap = LearningOptions{}.search_gap;
   bool standard_errors = false;
 };
 

@@ -135,7 +135,8 @@ std::string xval_text(const CrossValidationResult& result) {
   std::string text = fmt::format("method {}, {} folds, {} examples; {} ({:.2f} s)\n\n", result.method,
                                  result.folds.size(), e.examples, to_string(result.termination), result.seconds);
   text += fmt::format("{:>5} {:>10} {:>9} {:>9} {:>9} {:>8} {:>8}  {}\n", "fold", "databases", "examples", "accuracy",
-                      "log-loss", "train s", "test s", result.folds.empty() || result.folds[0].stdevs.empty() ? "" : "prior stdevs");
+                      "log-loss", "train s", "test s",
+                      result.folds.empty() || result.folds[0].stdevs.empty() ? "" : "prior stdevs");
   for (std::size_t f = 0; f < result.folds.size(); ++f) {
     const FoldResult& fold = result.folds[f];
     text += fmt::format("{:>5} {:>10} {:>9} {:>9.4f} {:>9.4f} {:>8.3f} {:>8.3f}  {}\n", f + 1, fold.databases,
@@ -201,7 +202,7 @@ int validate_and_write(Session& session, const Arguments& arguments) {
   options.seed = arguments.options.seed;
   options.learning = *learning_chosen;
   options.inference = session.inference_options();
-  options.inference.search_gap = 1e-6;  // far below what sampling would miss
+  options.inference.search_gap = 1e-4;  // far below what sampling would miss
   options.tuning_method = arguments.tuning_method;
   options.tuning_folds = arguments.tuning_folds;
   options.tuning_rounds = arguments.tuning_rounds;

@@ -221,7 +221,8 @@ class ComponentSumCompiler {
       sum_.static_.insert(sum_.static_.end(), table.begin(), table.end());
     }
     for (const FactorGraph::OpenFeature& open : graph.features) {
-      ComponentSum::Feature feature{open.feature, static_cast<std::uint32_t>(sum_.feature_entries_.size()), 0};
+      ComponentSum::Feature feature{open.feature, static_cast<std::uint32_t>(sum_.feature_entries_.size()), 0,
+                                    open.negated};
       for (const std::uint32_t entry : open.entries) sum_.feature_entries_.push_back(start[open.scope] + entry);
       feature.entry_end = static_cast<std::uint32_t>(sum_.feature_entries_.size());
       sum_.features_.push_back(feature);

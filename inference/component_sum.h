@@ -47,12 +47,14 @@ class ComponentSum {
   struct Feature {
     std::uint32_t feature = 0;  // index into network.features()
     std::uint32_t entry_begin = 0, entry_end = 0;
+    bool negated = false;
   };
 
   Way way() const { return way_; }
   std::size_t entry_count() const { return static_.size(); }
   std::span<const Feature> features() const { return features_; }
-  // Where the feature is true: entries of one table, so exactly one or none of them holds in a world.
+  // Where the feature's literal is true, or where it is false (negated): entries of one table, so exactly one or none of them
+  // holds in a world.
   std::span<const std::uint32_t> entries(const Feature& f) const {
     return {feature_entries_.data() + f.entry_begin, f.entry_end - f.entry_begin};
   }

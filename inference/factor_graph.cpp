@@ -754,13 +754,16 @@ class Compiler {
       graph_.table_bytes += table.size() * sizeof(double) + 200;
     }
     std::vector<double>& target = graph_.tables[it->second];
-    FactorGraph::OpenFeature open{recorded, it->second, {}};
+    const auto true_entries =
+        static_cast<std::size_t>(std::count_if(table.begin(), table.end(), [](double x) { return x != 0.0; }));
+    const bool negated = 2 * true_entries > table.size();
+    FactorGraph::OpenFeature open{recorded, it->second, negated, {}};
     const bool in_order = sorted == scope;
     for (std::size_t i = 0; i < table.size(); ++i) {
       const std::size_t index = in_order ? i : index_in(sorted, scope, i);
       if (recorded == kNone) {
         target[index] += table[i];
-      } else if (table[i] != 0.0) {
+      } else if ((table[i] != 0.0) != negated) {
         open.entries.push_back(static_cast<std::uint32_t>(index));
       }
     }

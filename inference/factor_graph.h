@@ -46,7 +46,9 @@ struct FactorGraph {
   struct OpenFeature {
     std::uint32_t feature = 0;           // index into network.features()
     std::uint32_t scope = 0;             // of the table that it would weigh
-    std::vector<std::uint32_t> entries;  // of that table: where its literal is true; increasing
+    bool negated = false;
+    std::vector<std::uint32_t> entries;  // of that table: where its literal is true, or where it is false (negated),
+                                         // whichever are fewer; increasing
   };
 
   bool possible = true;                            // false: propagation alone found a contradiction

@@ -33,8 +33,9 @@ inline std::vector<std::vector<std::uint32_t>> equal_signatures(std::span<const 
   for (std::size_t i = 0; i < order.size();) {
     std::size_t end = i;
     while (end < order.size() && signatures[order[end]] == signatures[order[i]]) ++end;
-    if (end - i > 1) groups.emplace_back(order.begin() + static_cast<std::ptrdiff_t>(i),
-                                         order.begin() + static_cast<std::ptrdiff_t>(end));
+    if (end - i > 1)
+      groups.emplace_back(order.begin() + static_cast<std::ptrdiff_t>(i),
+                          order.begin() + static_cast<std::ptrdiff_t>(end));
     i = end;
   }
   std::ranges::sort(groups);

@@ -20,7 +20,9 @@ class CrossValidation {
  public:
   CrossValidation(const Model& model, std::span<const Evidence> databases, const CrossValidationOptions& options,
                   Monitor& monitor)
-      : options_(options), learning_(options.learning), stop_(monitor, options.learning.max_seconds),
+      : options_(options),
+        learning_(options.learning),
+        stop_(monitor, options.learning.max_seconds),
         set_(model, databases) {
     result_.method = learning_.method;
   }
@@ -69,8 +71,8 @@ class CrossValidation {
       return fail(Termination::kRefused, fmt::format("--folds: {} is less than 2", options_.folds));
     }
     if (options_.fold_of.empty() && options_.folds > count) {
-      return fail(Termination::kRefused, fmt::format("--folds: {} folds cannot be made of {} databases",
-                                                     options_.folds, count));
+      return fail(Termination::kRefused,
+                  fmt::format("--folds: {} folds cannot be made of {} databases", options_.folds, count));
     }
     fold_of_ = options_.fold_of.empty() ? deal_folds(count, options_.folds, options_.seed) : options_.fold_of;
     if (fold_of_.size() != count) {
@@ -143,9 +145,10 @@ class CrossValidation {
       if (++count <= 5) names += (names.empty() ? "" : ", ") + result_.labels[label];
     }
     if (count == 0) return;
-    result_.warnings.push_back(fmt::format("{} labels are in one fold only, so the model that is tested on them has never "
-                                           "seen them: {}{}",
-                                           count, names, count > 5 ? ", ..." : ""));
+    result_.warnings.push_back(
+        fmt::format("{} labels are in one fold only, so the model that is tested on them has never "
+                    "seen them: {}{}",
+                    count, names, count > 5 ? ", ..." : ""));
   }
 
   void run_folds() {
@@ -209,8 +212,8 @@ class CrossValidation {
 
   bool tune(const Databases& train, LearningOptions& learning, FoldResult& fold) {
     if (options_.tuning.empty()) return true;
-    const std::uint32_t inner_folds = std::min<std::uint32_t>(options_.tuning_folds,
-                                                              static_cast<std::uint32_t>(train.size()));
+    const std::uint32_t inner_folds =
+        std::min<std::uint32_t>(options_.tuning_folds, static_cast<std::uint32_t>(train.size()));
     const std::vector<std::uint32_t> inner = deal_folds(train.size(), inner_folds, options_.seed);
     fold.stdevs.clear();
     for (const TuningGroup& group : options_.tuning) fold.stdevs.push_back(group.stdevs.front());

@@ -35,9 +35,9 @@ struct CrossValidationOptions {
   LearningOptions learning;            // .discriminative is set to the target where the method wants it
   InferenceOptions inference;
   std::vector<TuningGroup> tuning;
-  std::string tuning_method;           // of the inner learning; empty: the same
+  std::string tuning_method;  // of the inner learning; empty: the same
   std::uint32_t tuning_folds = 4;
-  std::uint32_t tuning_rounds = 1;     // through all groups
+  std::uint32_t tuning_rounds = 1;  // through all groups
 };
 
 struct FoldResult {
@@ -51,7 +51,7 @@ struct FoldResult {
 struct CrossValidationResult {
   Termination termination = Termination::kCompleted;
   std::string message;
-  std::string method;                   // of learning
+  std::string method;  // of learning
   std::vector<std::string> labels;
   std::vector<Prediction> predictions;  // in the order of the databases
   Evaluation evaluation;

@@ -40,11 +40,12 @@ JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const Infe
       const Feature& feature = network.features()[f.feature];
       if (feature.weight_id == kVirtualEvidence) continue;
       const std::uint32_t weight = observed.weight_of[feature.weight_id.index()];
-      const double count = feature.turned ? -static_cast<double>(feature.count) : feature.count;
+      // A count of the negation differs by a constant, which cancels between the observed world and log Z.
+      const double count = feature.turned != f.negated ? -static_cast<double>(feature.count) : feature.count;
       for (const std::uint32_t entry : compiled.sum->entries(f)) {
         out.parts.entries.push_back({out.parts.row_count + entry, weight, count});
       }
-      if (world.is_true(feature.literal)) out.parts.observed.emplace_back(weight, count);
+      if (world.is_true(feature.literal) != f.negated) out.parts.observed.emplace_back(weight, count);
     }
     out.parts.first_row.push_back(out.parts.row_count);
     out.parts.row_count += static_cast<std::uint32_t>(compiled.sum->entry_count());
@@ -55,8 +56,8 @@ JointPartsOrProblem make_joint_parts(const ObservedNetwork& observed, const Infe
   return out;
 }
 
-JointLikelihood::JointLikelihood(std::span<const JointParts* const> databases, std::size_t weight_count, std::uint32_t threads,
-                                 const StopCondition& stop)
+JointLikelihood::JointLikelihood(std::span<const JointParts* const> databases, std::size_t weight_count,
+                                 std::uint32_t threads, const StopCondition& stop)
     : support_(weight_count, 0.0),
       threads_(threads != 0 ? threads : std::max(1u, std::thread::hardware_concurrency())),
       stop_(stop) {
@@ -107,7 +108,7 @@ void JointLikelihood::sum_all() {
       const Part& part = parts_[p];
       const std::size_t count = part.sum->entry_count();
       terminations_[p] = part.sum->sum({potentials_.data() + part.first_row, count}, log_partitions_[p],
-                                      {beliefs_.data() + part.first_row, count}, stop_);
+                                       {beliefs_.data() + part.first_row, count}, stop_);
       if (terminations_[p] != Termination::kCompleted) return;
     }
   };
@@ -117,8 +118,8 @@ void JointLikelihood::sum_all() {
   for (std::size_t p = 0; p < parts_.size(); ++p) {
     if (terminations_[p] == Termination::kCompleted) continue;
     termination_ = terminations_[p];
-    message_ = termination_ == Termination::kTooWide ? "a component became too wide for exact sums; use --method mcsat"
-                                                     : "";
+    message_ =
+        termination_ == Termination::kTooWide ? "a component became too wide for exact sums; use --method mcsat" : "";
     return;
   }
 }

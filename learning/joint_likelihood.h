@@ -11,9 +11,8 @@
 // Cost      of an evaluation: that of the exact sums, plus the entries of A.
 #pragma once
 
-#include <vector>
-
 #include <Eigen/SparseCore>
+#include <vector>
 
 #include "inference/component_sum.h"
 #include "learning/objective.h"

@@ -11,7 +11,11 @@ class PreparedJoint : public PreparedData {
  public:
   PreparedJoint(std::vector<JointParts> parts, std::unique_ptr<PreparedData> pseudo, std::size_t weight_count,
                 std::uint32_t threads, const StopCondition& stop)
-      : parts_(std::move(parts)), pseudo_(std::move(pseudo)), weight_count_(weight_count), threads_(threads), stop_(stop) {}
+      : parts_(std::move(parts)),
+        pseudo_(std::move(pseudo)),
+        weight_count_(weight_count),
+        threads_(threads),
+        stop_(stop) {}
 
   std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) override {
     std::vector<const JointParts*> chosen;
@@ -23,7 +27,7 @@ class PreparedJoint : public PreparedData {
   }
 
  private:
-  std::vector<JointParts> parts_;          // by database
+  std::vector<JointParts> parts_;         // by database
   std::unique_ptr<PreparedData> pseudo_;  // where a bounded search is easy near the optimum only
   std::size_t weight_count_;
   std::uint32_t threads_;
@@ -66,8 +70,7 @@ PreparedOrProblem prepare(const TrainingSet& set, const std::vector<bool>& open,
 
 }  // namespace
 
-PreparedOrProblem prepare_cll(const TrainingSet& set, const LearningOptions& options, bool,
-                              const StopCondition& stop) {
+PreparedOrProblem prepare_cll(const TrainingSet& set, const LearningOptions& options, bool, const StopCondition& stop) {
   std::vector<bool> open(set.mentioned.size(), false);
   for (const PredicateId p : options.discriminative) open[p.index()] = true;
   return prepare(set, open, options, stop);

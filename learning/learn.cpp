@@ -83,8 +83,7 @@ class Learning {
       weight.identified = weight.fixed || objective->support()[w] > 0.0;
       result_.weights.push_back(weight);
     }
-    OptimiserResult best =
-        maximise(*made.data, all, *objective, start_, options_.optimiser, stop_);
+    OptimiserResult best = maximise(*made.data, all, *objective, start_, options_.optimiser, stop_);
     result_.seconds.optimise = stop_.seconds() - result_.seconds.count;
     report(best, *objective);
     if (options_.standard_errors && result_.termination == Termination::kCompleted) add_errors(best, *objective);
@@ -102,7 +101,8 @@ class Learning {
     for (std::size_t w = 0; w < best.weights.size(); ++w) {
       result_.weights[w].weight = best.weights[w];
       if (!start_.free[w] && !result_.weights[w].fixed) {
-        prior_of_rest += start_.priors[w].log_density(best.weights[w]) - start_.priors[w].l1 * std::abs(best.weights[w]);
+        prior_of_rest +=
+            start_.priors[w].log_density(best.weights[w]) - start_.priors[w].l1 * std::abs(best.weights[w]);
       }
     }
     result_.objective = best.objective;
@@ -153,9 +153,8 @@ class Learning {
       if (start_.free[w] && !(start_.priors[w].l1 > 0.0 && best.weights[w] == 0.0)) subset.push_back(w);
     }
     if (subset.size() > kMostErrors) {
-      result_.warnings.push_back(
-          fmt::format("no standard errors: they are computed for up to {} weights, these are {}", kMostErrors,
-                      subset.size()));
+      result_.warnings.push_back(fmt::format("no standard errors: they are computed for up to {} weights, these are {}",
+                                             kMostErrors, subset.size()));
       return;
     }
     Eigen::MatrixXd information = objective.information(best.weights, subset);
@@ -218,7 +217,8 @@ std::string validate(const LearningOptions& options) {
   const LearningMethod* method = find_learning_method(options.method);
   if (method == nullptr) {
     std::string names;
-    for (const LearningMethodInfo& info : learning_methods()) names += (names.empty() ? "" : ", ") + std::string(info.name);
+    for (const LearningMethodInfo& info : learning_methods())
+      names += (names.empty() ? "" : ", ") + std::string(info.name);
     return fmt::format("there is no method of learning '{}'; there are {}", options.method, names);
   }
   if (method->info.discriminative && options.discriminative.empty()) {
@@ -237,6 +237,9 @@ std::string validate(const LearningOptions& options) {
   if (options.optimiser.max_iterations == 0) return "--max-iterations: 0 is less than 1";
   if (!(options.optimiser.gradient_tolerance > 0.0)) {
     return fmt::format("--tolerance: {} is not above 0", options.optimiser.gradient_tolerance);
+  }
+  if (!(options.search_gap > 0.0 && options.search_gap < 1.0)) {
+    return fmt::format("--search-gap: {} is not between 0 and 1", options.search_gap);
   }
   if (options.samples == 0) return "--samples: 0 is less than 1";
   return "";

@@ -24,18 +24,18 @@
 namespace sherlog {
 
 struct LearningOptions {
-  std::string method = "pll";                     // a name of learning_methods()
-  std::vector<PredicateId> discriminative;        // dpll, cll, mcsat: what is to be predicted
-  std::vector<std::vector<PredicateId>> blocks;   // bpll: predicates whose atoms of equal arguments are one variable
-  Prior prior;                                    // for every weight ...
+  std::string method = "pll";                    // a name of learning_methods()
+  std::vector<PredicateId> discriminative;       // dpll, cll, mcsat: what is to be predicted
+  std::vector<std::vector<PredicateId>> blocks;  // bpll: predicates whose atoms of equal arguments are one variable
+  Prior prior;                                   // for every weight ...
   std::vector<std::pair<FormulaId, Prior>> formula_priors;  // ... but those of these formulas
   OptimiserOptions optimiser;
-  bool standard_errors = false;                   // from the second derivatives at the end: cubic in the weights
+  bool standard_errors = false;  // from the second derivatives at the end: cubic in the weights
   // cll, ll: share of a component's sum that a bounded search may leave out, where it is too wide for elimination.
-  double search_gap = 1e-4;
-  std::uint64_t seed = 1;                         // mcsat
-  std::uint32_t samples = 1000;                   // mcsat: kept draws an iteration
-  std::uint32_t threads = 0;                      // 0: as many as the machine has; the result does not depend on it
+  double search_gap = 1e-3;
+  std::uint64_t seed = 1;        // mcsat
+  std::uint32_t samples = 1000;  // mcsat: kept draws an iteration
+  std::uint32_t threads = 0;     // 0: as many as the machine has; the result does not depend on it
   double max_seconds = std::numeric_limits<double>::infinity();
   std::size_t max_memory = std::numeric_limits<std::size_t>::max();
 };
@@ -51,16 +51,16 @@ struct LearnedWeight {
 struct LearningResult {
   std::string method;
   Termination termination = Termination::kCompleted;
-  std::string message;                         // where not completed: a sentence
-  std::optional<double> objective;             // nats, without the prior
+  std::string message;              // where not completed: a sentence
+  std::optional<double> objective;  // nats, without the prior
   std::optional<double> objective_with_prior;
   bool converged = false;
-  std::string reason;                          // why it ended
+  std::string reason;  // why it ended
   std::uint32_t iterations = 0;
-  std::optional<double> gradient_norm;         // largest entry, with the prior
-  std::vector<double> trace;                   // objective with prior, by iteration
-  std::vector<LearnedWeight> weights;          // one for each soft formula after expansion, in model order; empty where
-                                               // nothing was learned
+  std::optional<double> gradient_norm;  // largest entry, with the prior
+  std::vector<double> trace;            // objective with prior, by iteration
+  std::vector<LearnedWeight> weights;   // one for each soft formula after expansion, in model order; empty where
+                                        // nothing was learned
   std::vector<std::string> warnings;
   // The training model: the given one with all shared constants. `weights` are numbered by WeightTable(*model).
   std::optional<Model> model;

@@ -30,7 +30,8 @@ class TreeMaker {
     if (node.kind == NodeKind::kAtom) {
       const Predicate& predicate = model_.predicate(node.predicate);
       tree.name = predicate.name;
-      for (std::size_t i = 0; i < node.terms.size(); ++i) tree.terms.push_back(term(node.terms[i], predicate.domains[i]));
+      for (std::size_t i = 0; i < node.terms.size(); ++i)
+        tree.terms.push_back(term(node.terms[i], predicate.domains[i]));
     } else {
       for (const Term& side : node.terms) tree.terms.push_back(term(side, node.domain));
     }
@@ -56,17 +57,28 @@ class TreeMaker {
 
   static syntax::Kind kind_of(NodeKind kind) {
     switch (kind) {
-      case NodeKind::kAtom: return syntax::Kind::kAtom;
-      case NodeKind::kEqual: return syntax::Kind::kEqual;
-      case NodeKind::kLess: return syntax::Kind::kLess;
-      case NodeKind::kLessEqual: return syntax::Kind::kLessEqual;
-      case NodeKind::kNot: return syntax::Kind::kNot;
-      case NodeKind::kAnd: return syntax::Kind::kAnd;
-      case NodeKind::kOr: return syntax::Kind::kOr;
-      case NodeKind::kImplies: return syntax::Kind::kImplies;
-      case NodeKind::kIff: return syntax::Kind::kIff;
-      case NodeKind::kExists: return syntax::Kind::kExists;
-      case NodeKind::kForall: return syntax::Kind::kForall;
+      case NodeKind::kAtom:
+        return syntax::Kind::kAtom;
+      case NodeKind::kEqual:
+        return syntax::Kind::kEqual;
+      case NodeKind::kLess:
+        return syntax::Kind::kLess;
+      case NodeKind::kLessEqual:
+        return syntax::Kind::kLessEqual;
+      case NodeKind::kNot:
+        return syntax::Kind::kNot;
+      case NodeKind::kAnd:
+        return syntax::Kind::kAnd;
+      case NodeKind::kOr:
+        return syntax::Kind::kOr;
+      case NodeKind::kImplies:
+        return syntax::Kind::kImplies;
+      case NodeKind::kIff:
+        return syntax::Kind::kIff;
+      case NodeKind::kExists:
+        return syntax::Kind::kExists;
+      case NodeKind::kForall:
+        return syntax::Kind::kForall;
     }
     return syntax::Kind::kAtom;
   }

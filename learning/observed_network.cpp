@@ -150,8 +150,8 @@ Observation observe(const Model& model, const Evidence& evidence, const TrueAtom
     const std::uint32_t first = network.first_atom(VariableId(v)).value;
     const std::uint32_t candidates = network.candidate_count(VariableId(v));
     std::uint32_t value = 0;
-    while (value < candidates && !truth.contains(network.predicate_of(AtomId(first + value)),
-                                                 network.arguments_of(AtomId(first + value)))) {
+    while (value < candidates &&
+           !truth.contains(network.predicate_of(AtomId(first + value)), network.arguments_of(AtomId(first + value)))) {
       ++value;
     }
     observed.values.push_back(value);

@@ -153,9 +153,8 @@ OptimiserResult maximise(Objective& objective, std::span<const double> start, co
       return problem.evaluate(at.data(), &value, gradient.data());
     };
     const auto go_on = [&](std::uint32_t iteration, double value) { return problem.go_on(iteration, value); };
-    const OrthantWiseOutcome outcome =
-        minimise_orthant_wise(x, l1, options.max_iterations, options.gradient_tolerance, options.function_tolerance,
-                              evaluate, go_on);
+    const OrthantWiseOutcome outcome = minimise_orthant_wise(x, l1, options.max_iterations, options.gradient_tolerance,
+                                                             options.function_tolerance, evaluate, go_on);
     result.converged = outcome.converged;
     result.reason = outcome.reason;
   }

@@ -18,14 +18,14 @@ namespace sherlog {
 
 struct OptimiserResult {
   std::vector<double> weights;
-  double objective = 0.0;             // without the prior
+  double objective = 0.0;  // without the prior
   double objective_with_prior = 0.0;
-  double gradient_norm = 0.0;         // largest entry, with prior, over the free weights
+  double gradient_norm = 0.0;  // largest entry, with prior, over the free weights
   std::uint32_t iterations = 0;
   bool converged = false;
-  std::string reason;                 // why it ended, a sentence without full stop
+  std::string reason;  // why it ended, a sentence without full stop
   Termination termination = Termination::kCompleted;
-  std::vector<double> trace;          // objective with prior, by iteration
+  std::vector<double> trace;  // objective with prior, by iteration
 };
 
 // `free`: weights that may move; the others stay at `start`. `priors`: one for each weight; they count for all weights

@@ -9,7 +9,7 @@
 namespace sherlog {
 namespace {
 
-constexpr std::size_t kMemory = 20;         // pairs of steps kept
+constexpr std::size_t kMemory = 20;  // pairs of steps kept
 constexpr double kSufficientDecrease = 1e-4;
 constexpr int kMostHalvings = 40;
 

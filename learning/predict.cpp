@@ -145,9 +145,8 @@ TrainingProblem predict(const PredictionTask& task, std::span<const double> weig
     prediction.truth = example.truth;
     double total = 0.0;
     for (std::size_t v = 0; v < example.queries.size(); ++v) {
-      const double p = example.queries[v] == PredictionTask::kNone
-                           ? example.given[v]
-                           : result.marginals[example.queries[v]].probability;
+      const double p = example.queries[v] == PredictionTask::kNone ? example.given[v]
+                                                                   : result.marginals[example.queries[v]].probability;
       prediction.probabilities.push_back(p);
       total += p;
     }

@@ -16,9 +16,9 @@ namespace sherlog {
 struct PredictionTask {
   struct Example {
     std::string name;
-    std::uint32_t truth = 0;                     // label
-    std::vector<std::uint32_t> queries;          // by label: query of the network; kNone: not among them
-    std::vector<double> given;                   // by label: probability where it has no query
+    std::uint32_t truth = 0;             // label
+    std::vector<std::uint32_t> queries;  // by label: query of the network; kNone: not among them
+    std::vector<double> given;           // by label: probability where it has no query
   };
   static constexpr std::uint32_t kNone = 0xffffffffu;
   ObservedNetwork observed;

@@ -12,9 +12,8 @@
 // Cost      an evaluation is linear in the entries of D.
 #pragma once
 
-#include <vector>
-
 #include <Eigen/SparseCore>
+#include <vector>
 
 #include "learning/conditional_counts.h"
 #include "learning/objective.h"

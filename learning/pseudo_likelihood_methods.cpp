@@ -145,7 +145,7 @@ PreparedOrProblem prepare_dpll(const TrainingSet& set, const LearningOptions& op
 }
 
 PreparedOrProblem prepare_bpll(const TrainingSet& set, const LearningOptions& options, bool separate,
-                              const StopCondition& stop) {
+                               const StopCondition& stop) {
   std::vector<bool> alone = set.mentioned;
   std::vector<OpenGroup> groups;
   for (const auto& block : options.blocks) {

@@ -39,8 +39,8 @@ class WeightTable {
   };
   void list(const Formula& formula, const std::vector<std::uint32_t>& plus, const Model& model, Instances& instances);
 
-  std::vector<Instances> instances_;        // by formula
-  std::vector<std::uint32_t> formula_of_;   // by weight
+  std::vector<Instances> instances_;       // by formula
+  std::vector<std::uint32_t> formula_of_;  // by weight
   std::string problem_;
 };
 

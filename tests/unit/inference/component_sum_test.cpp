@@ -38,8 +38,11 @@ Learned sum_network(const GroundNetwork& network, const InferenceOptions& option
     const ComponentSum& sum = *compiled.sum;
     searched += sum.way() == ComponentSum::Way::kSearch ? 1 : 0;
     std::vector<double> potentials(sum.entry_count(), 0.0), beliefs(sum.entry_count(), 0.0);
+    double constant = 0.0;  // features noted by where they are false
     for (const auto& f : sum.features()) {
-      for (const std::uint32_t entry : sum.entries(f)) potentials[entry] += network.features()[f.feature].weight;
+      const double weight = network.features()[f.feature].weight;
+      constant += f.negated ? weight : 0.0;
+      for (const std::uint32_t entry : sum.entries(f)) potentials[entry] += f.negated ? -weight : weight;
     }
     double log_partition = 0.0, without_beliefs = 0.0;
     const Termination termination = sum.sum(potentials, log_partition, beliefs, stop);
@@ -51,9 +54,11 @@ Learned sum_network(const GroundNetwork& network, const InferenceOptions& option
     EXPECT_EQ(termination, Termination::kCompleted);
     EXPECT_EQ(sum.sum(potentials, without_beliefs, {}, stop), Termination::kCompleted);
     EXPECT_NEAR(without_beliefs, log_partition, 3e-10 * (1.0 + std::abs(log_partition)));
-    out.log_partition += log_partition;
+    out.log_partition += log_partition + constant;
     for (const auto& f : sum.features()) {
-      for (const std::uint32_t entry : sum.entries(f)) out.expected_truth[f.feature] += beliefs[entry];
+      double share = 0.0;
+      for (const std::uint32_t entry : sum.entries(f)) share += beliefs[entry];
+      out.expected_truth[f.feature] += f.negated ? 1.0 - share : share;
     }
     for (const std::uint32_t f : sum.true_features()) {
       out.log_partition += network.features()[f].weight;

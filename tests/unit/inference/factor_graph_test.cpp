@@ -125,7 +125,9 @@ TEST(FactorGraph, KeptFeaturesKnowWhereTheyAreTrue) {
       for (const auto& f : kept.features) {
         ++open;
         EXPECT_TRUE(std::is_sorted(f.entries.begin(), f.entries.end()));
-        for (const std::uint32_t entry : f.entries) kept.tables[f.scope][entry] += network.features()[f.feature].weight;
+        const double weight = network.features()[f.feature].weight;
+        if (f.negated) kept.constant += weight;
+        for (const std::uint32_t entry : f.entries) kept.tables[f.scope][entry] += f.negated ? -weight : weight;
       }
       for (const std::uint32_t f : kept.true_features) {
         ++decided;
