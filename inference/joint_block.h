@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "inference/elimination.h"
+#include "inference/elimination_plan.h"
 #include "inference/rng.h"
 #include "inference/world.h"
 

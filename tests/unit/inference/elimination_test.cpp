@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "inference/elimination_plan.h"
+
 namespace sherlog {
 namespace {
 
