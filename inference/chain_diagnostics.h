@@ -7,7 +7,9 @@
 //           rank-normalised ones (bulk and folded) without ranking anything.
 // Source    Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Analysis 16(2), 2021: split R-hat eqs. (1)-(4),
 //           ESS eqs. (10)-(13) with Geyer's initial monotone sequence. Checked against R's package `posterior`.
-// Cost      O(chains * draws / 64) for each lag; lags stop where the autocorrelation is lost in noise.
+//           A slow chain's autocorrelations, which are not lost in noise within 128 lags, are summed over means of batches
+//           instead (its time is then long against a batch).
+// Cost      O(chains * draws / 64) for each lag; lags stop where the autocorrelation is lost in noise, at 128 at the latest.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +30,9 @@ struct BinarySummary {
 inline constexpr double kLargestRhat = 99.0;
 
 // One bit a draw, first draw in the lowest bit of the first word; every chain has `draws` of them.
-BinarySummary summarize(std::span<const std::span<const std::uint64_t>> chains, std::uint32_t draws);
+// `quick`: batches only, for whom time is short; a fast chain's sample size is then rough.
+BinarySummary summarize(std::span<const std::span<const std::uint64_t>> chains, std::uint32_t draws,
+                        bool quick = false);
 
 // The draws of one chain for many quantities.
 class BinaryRecorder {
@@ -36,9 +40,7 @@ class BinaryRecorder {
   BinaryRecorder(std::size_t quantities, std::uint32_t capacity)
       : words_((capacity + 63) / 64), bits_(quantities * words_, 0), current_(quantities, 0) {}
 
-  void record(std::size_t quantity, bool value) {
-    current_[quantity] |= std::uint64_t{value} << (draws_ & 63u);
-  }
+  void record(std::size_t quantity, bool value) { current_[quantity] |= std::uint64_t{value} << (draws_ & 63u); }
   // After every quantity was recorded once.
   void next_draw() {
     if ((++draws_ & 63u) == 0) flush((draws_ >> 6) - 1);

@@ -69,8 +69,8 @@ TEST(ChainDiagnosticsOfShiftedChains, AgreeWithTheRPackagePosterior) {
 }
 
 TEST(ChainDiagnosticsOfStuckChains, GiveTheLargestRhat) {
-  const BinarySummary summary =
-      summarize_chains({std::vector<int>(100, 0), std::vector<int>(100, 1), std::vector<int>(100, 0), std::vector<int>(100, 1)});
+  const BinarySummary summary = summarize_chains(
+      {std::vector<int>(100, 0), std::vector<int>(100, 1), std::vector<int>(100, 0), std::vector<int>(100, 1)});
   EXPECT_DOUBLE_EQ(*summary.rhat, kLargestRhat);
   EXPECT_GT(summary.mcse, 0.1);
 }
@@ -81,6 +81,31 @@ TEST(ChainDiagnosticsOfConstantChains, DoNotClaimCertainty) {
   EXPECT_DOUBLE_EQ(*summary.rhat, 1.0);
   // (0 + 1) / (2000 + 2) of 2000 draws: sqrt(p / 2000) = 5.0e-4
   EXPECT_NEAR(summary.mcse, 5.0e-4, 1e-5);
+}
+
+// A two-state chain that stays with probability s has autocorrelation (2s - 1)^lag: its draws are worth (1 - r) / (1 + r) each.
+TEST(ChainDiagnosticsOfSlowChains, JudgeByBatchesWhereLagsGoOnForLong) {
+  constexpr double kStay = 0.998, kCorrelation = 2 * kStay - 1;
+  constexpr std::uint32_t kDraws = 200000;
+  std::vector<std::vector<int>> chains;
+  for (std::uint64_t c = 1; c <= 4; ++c) chains.push_back(chain(1000 * c + 7, kDraws, kStay));
+  const double expected = 4.0 * kDraws * (1 - kCorrelation) / (1 + kCorrelation);
+  EXPECT_NEAR(*summarize_chains(chains).ess, expected, 0.15 * expected);
+}
+
+TEST(ChainDiagnosticsOfChainsApart, CountAboutOneDrawForEachChain) {
+  std::vector<std::vector<int>> chains;
+  for (std::uint64_t c = 1; c <= 4; ++c) {
+    chains.push_back(chain(1000 * c + 7, 5000, 0.5));
+    for (std::size_t i = 0; i < chains.back().size(); ++i) {
+      const int other = i % 97 == 0 ? chains.back()[i] : 0;  // mostly constant
+      chains.back()[i] = c % 2 == 0 ? 1 - other : other;
+    }
+  }
+  const BinarySummary summary = summarize_chains(chains);
+  EXPECT_GT(*summary.rhat, 2.0);
+  EXPECT_LT(*summary.ess, 10.0);
+  EXPECT_GT(summary.mcse, 0.1);
 }
 
 }  // namespace
