@@ -4,7 +4,10 @@
 //           variable that shares most with the block, as long as the elimination stays cheap. Every variable seeds or joins a
 //           block, and a second cover with other seeds makes blocks overlap, so that no border stays in one place. At-most-one
 //           groups and long ORs give blocks of their own: a row of a matching moves as one, with what hangs on it.
-// Cost      A few builds of each block; the number of blocks is linear in the number of variables.
+//           A component that is a thousand times as large may cost as many table entries as one block: it is summed out once, and
+//           a draw of it costs what a sweep does.
+// Cost      A few builds of each block; the number of blocks is linear in the number of variables, and so is the work, by a budget of
+//           builds.
 #pragma once
 
 #include <span>
@@ -16,8 +19,9 @@
 namespace sherlog {
 
 struct BlockCoverOptions {
-  double whole_cost = 1 << 20;   // table entries up to which a component is one block
-  double block_cost = 1 << 13;   // likewise for a part of a component
+  double whole_cost = 1 << 20;         // table entries up to which a component is one block,
+  double whole_cost_of_variable = 64;  // or so many for each of its variables
+  double block_cost = 1 << 13;         // likewise for a part of a component
   std::uint32_t block_variables = 96;
   std::uint32_t covers = 2;
   // Where an atom is used by more gates than this on average, everything is tied to everything and no set is narrow.
@@ -29,8 +33,9 @@ struct BlockCover {
   bool whole = false;  // one block, the whole component
 };
 
-// Ends early, with fewer blocks, where `stop` says so.
-BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> variables, std::uint64_t seed,
-                           const StopCondition& stop, const BlockCoverOptions& options = {});
+// `numbers`: see number_within(). Ends early, with fewer blocks, where `stop` says so.
+BlockCover cover_component(const WorldIndex& index, std::span<const VariableId> variables,
+                           std::span<const std::uint32_t> numbers, std::uint64_t seed, const StopCondition& stop,
+                           const BlockCoverOptions& options = {});
 
 }  // namespace sherlog

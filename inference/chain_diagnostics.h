@@ -12,6 +12,7 @@
 // Cost      O(chains * draws / 64) for each lag; lags stop where the autocorrelation is lost in noise, at 128 at the latest.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -49,6 +50,11 @@ class BinaryRecorder {
     if ((draws_ & 63u) != 0) flush(draws_ >> 6);
   }
   std::uint32_t draws() const { return draws_; }
+  std::uint32_t count(std::size_t quantity) const {
+    std::uint32_t sum = 0;
+    for (std::uint64_t word : of(quantity)) sum += static_cast<std::uint32_t>(std::popcount(word));
+    return sum;
+  }
   std::span<const std::uint64_t> of(std::size_t quantity) const { return {bits_.data() + quantity * words_, words_}; }
 
  private:

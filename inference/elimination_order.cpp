@@ -20,6 +20,7 @@ constexpr double kHopelessMargin = 16.0;  // log2 beyond the limit where better 
 constexpr double kEndMargin = 64.0;       // log2 beyond the limit where an order is not even completed
 constexpr double kWorthShuffling = 11.0;  // log2 of a largest table for which shuffled ties are tried
 constexpr int kShuffles = 12;
+constexpr std::uint64_t kStepsPerStopCheck = std::uint64_t{1} << 18;
 
 struct Problem {
   Adjacency adjacency;
@@ -91,15 +92,18 @@ class Elimination {
  public:
   enum class Rule { kWeight, kFill };
 
-  Elimination(const Problem& problem, std::uint64_t& steps_left, double max_table_log2)
+  Elimination(const Problem& problem, std::uint64_t& steps_left, const OrderLimits& limits)
       : problem_(problem),
         adjacency_(problem.adjacency),
         steps_left_(steps_left),
+        stop_(limits.stop),
         mark_(adjacency_.size(), 0),
-        give_up_log2_(max_table_log2 + kEndMargin) {
+        give_up_log2_(limits.max_table_log2 + kEndMargin) {
     total_ = problem.prefix_total;
     largest_ = problem.prefix_largest;
     order_ = problem.prefix;
+    // Whoever gave up once does not start again.
+    abandoned_ = limits.stop != nullptr && limits.stop->reached();
   }
 
   // Gives up beyond `abandon_total` entries (an order at least as good is known).
@@ -159,7 +163,10 @@ class Elimination {
       steps_left_ = 0;
       abandoned_ = true;
     } else {
+      const std::uint64_t before = steps_left_;
       steps_left_ -= steps;
+      if (stop_ != nullptr && before / kStepsPerStopCheck != steps_left_ / kStepsPerStopCheck && stop_->reached())
+        abandoned_ = true;
     }
   }
 
@@ -169,6 +176,7 @@ class Elimination {
     weight_.assign(n, 0.0);
     fill_.assign(n, 0);
     for (std::uint32_t v = 0; v < n; ++v) {
+      if (abandoned_) return;
       if (!problem_.gone[v]) rescore(v);
     }
   }
@@ -289,6 +297,7 @@ class Elimination {
   const Problem& problem_;
   Adjacency adjacency_;
   std::uint64_t& steps_left_;
+  const StopCondition* stop_;
   Rule rule_ = Rule::kWeight;
   std::uint64_t shuffle_ = 0;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> heap_;  // lazy: entries of an old version are skipped
@@ -335,9 +344,8 @@ EliminationOrder find_elimination_order(std::span<const std::uint32_t> cardinali
   Problem problem = make_problem(cardinalities, scopes);
   strip_leaves(problem);
   std::uint64_t steps = limits.max_steps;
-  const double inf = std::numeric_limits<double>::infinity();
-  const auto start = [&] { return Elimination(problem, steps, limits.max_table_log2); };
-  EliminationOrder best = start().greedy(Elimination::Rule::kWeight, 0, inf);
+  const auto start = [&] { return Elimination(problem, steps, limits); };
+  EliminationOrder best = start().greedy(Elimination::Rule::kWeight, 0, limits.max_total);
   // Within the limit at all, then least work.
   const auto fits = [&](const EliminationOrder& o) { return o.complete && o.largest_log2 <= limits.max_table_log2; };
   const auto improve = [&](EliminationOrder candidate) {
@@ -345,7 +353,7 @@ EliminationOrder find_elimination_order(std::span<const std::uint32_t> cardinali
     const bool newly_fits = fits(candidate) && !fits(best);
     if (!best.complete || newly_fits || candidate.total_log2 < best.total_log2) best = std::move(candidate);
   };
-  const auto bound = [&] { return fits(best) ? std::exp2(best.total_log2) : inf; };
+  const auto bound = [&] { return fits(best) ? std::exp2(best.total_log2) : limits.max_total; };
 
   const std::size_t rest = cardinalities.size() - problem.prefix.size();
   if (rest <= 2) return best;

@@ -19,12 +19,17 @@
 #include <span>
 #include <vector>
 
+#include "mln/monitor.h"
+
 namespace sherlog {
 
 struct OrderLimits {
   double max_table_log2 = std::numeric_limits<double>::infinity();  // far beyond it the search gives up
   std::uint64_t max_steps = 100'000'000;
   bool thorough = true;  // false: two greedy orders, for small problems that come by the thousand
+  double max_total =
+      std::numeric_limits<double>::infinity();  // entries of all joined tables beyond which no order is wanted
+  const StopCondition* stop = nullptr;          // gives up where it says so
 };
 
 struct EliminationOrder {

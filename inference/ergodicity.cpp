@@ -12,22 +12,51 @@ namespace {
 
 constexpr std::size_t kLargestSearch = std::size_t{1} << 16;  // joint values of a group
 
-// The variables below a literal.
-void collect_variables(const GroundNetwork& network, Literal literal, std::vector<VariableId>& out) {
-  if (literal.is_atom()) {
-    out.push_back(network.variable_of(literal.atom()));
-  } else {
-    for (Literal input : network.gate_inputs(literal.gate())) collect_variables(network, input, out);
+constexpr std::uint64_t kStepsPerStopCheck = std::uint64_t{1} << 20;
+
+// False where the budget does not allow so many more steps.
+bool spend(ErgodicityBudget& budget, std::uint64_t steps) {
+  if (budget.steps < steps) {
+    budget.steps = 0;
+    return false;
   }
+  const std::uint64_t before = budget.steps;
+  budget.steps -= steps;
+  if (budget.stop != nullptr && before / kStepsPerStopCheck != budget.steps / kStepsPerStopCheck &&
+      budget.stop->reached())
+    budget.steps = 0;
+  return true;
+}
+
+// Adds the variables below a literal; false where the budget ends.
+bool collect_variables(const GroundNetwork& network, Literal root, std::vector<VariableId>& out,
+                       ErgodicityBudget& budget) {
+  std::vector<Literal> stack{root};
+  while (!stack.empty()) {
+    const Literal literal = stack.back();
+    stack.pop_back();
+    if (literal.is_atom()) {
+      out.push_back(network.variable_of(literal.atom()));
+      continue;
+    }
+    const auto inputs = network.gate_inputs(literal.gate());
+    if (!spend(budget, inputs.size())) return false;
+    stack.insert(stack.end(), inputs.begin(), inputs.end());
+  }
+  return true;
 }
 
 class Group {
  public:
-  Group(const GroundNetwork& network, const Propagation& propagation) : network_(network), propagation_(propagation) {}
+  Group(const GroundNetwork& network, const Propagation& propagation, ErgodicityBudget& budget)
+      : network_(network), propagation_(propagation), budget_(budget) {}
   std::vector<std::uint32_t> constraints;
 
   bool connected() {
-    for (std::uint32_t c : constraints) collect_variables(network_, network_.constraints()[c].literal, variables_);
+    for (std::uint32_t c : constraints) {
+      if (!collect_variables(network_, network_.constraints()[c].literal, variables_, budget_)) return false;
+    }
+    const std::size_t mentioned = variables_.size();
     std::ranges::sort(variables_);
     variables_.erase(std::unique(variables_.begin(), variables_.end()), variables_.end());
     for (VariableId v : variables_) {
@@ -37,14 +66,14 @@ class Group {
       }
       allowed_.push_back(std::move(values));
     }
-    return has_common_refuge() || search_connects();
+    return has_common_refuge() || search_connects(mentioned);
   }
 
  private:
   bool evaluate(Literal literal, const std::vector<std::uint32_t>& choice) const {
     if (literal.is_atom()) {
-      const auto position = static_cast<std::size_t>(std::ranges::lower_bound(variables_, network_.variable_of(literal.atom())) -
-                                                     variables_.begin());
+      const auto position = static_cast<std::size_t>(
+          std::ranges::lower_bound(variables_, network_.variable_of(literal.atom())) - variables_.begin());
       return (allowed_[position][choice[position]] == network_.value_of(literal.atom())) != literal.negated();
     }
     std::uint32_t count = 0;
@@ -57,8 +86,8 @@ class Group {
     std::vector<std::vector<bool>> good;
     for (const auto& values : allowed_) good.emplace_back(values.size(), true);
     const auto require = [&](Literal literal, bool truth) {
-      const auto position = static_cast<std::size_t>(std::ranges::lower_bound(variables_, network_.variable_of(literal.atom())) -
-                                                     variables_.begin());
+      const auto position = static_cast<std::size_t>(
+          std::ranges::lower_bound(variables_, network_.variable_of(literal.atom())) - variables_.begin());
       const std::uint32_t value = network_.value_of(literal.atom());
       for (std::size_t i = 0; i < allowed_[position].size(); ++i) {
         if (((allowed_[position][i] == value) != literal.negated()) != truth) good[position][i] = false;
@@ -71,7 +100,8 @@ class Group {
       if (literal.negated() || kind == GateKind::kIff) return false;
       // A formula that holds whatever its open variables are asks nothing of them.
       if (propagation_.truth(literal) == Truth::kTrue && kind == GateKind::kOr &&
-          std::ranges::any_of(network_.gate_inputs(literal.gate()), [&](Literal l) { return propagation_.truth(l) == Truth::kTrue; })) {
+          std::ranges::any_of(network_.gate_inputs(literal.gate()),
+                              [&](Literal l) { return propagation_.truth(l) == Truth::kTrue; })) {
         continue;
       }
       for (Literal input : network_.gate_inputs(literal.gate())) {
@@ -79,21 +109,25 @@ class Group {
         if (propagation_.truth(input) == Truth::kOpen) require(input, kind == GateKind::kOr);
       }
     }
-    return std::ranges::all_of(good, [](const auto& values) { return std::ranges::find(values, true) != values.end(); });
+    return std::ranges::all_of(good,
+                               [](const auto& values) { return std::ranges::find(values, true) != values.end(); });
   }
 
-  bool search_connects() const {
+  // `mentioned`: how many atoms the formulas have together.
+  bool search_connects(std::size_t mentioned) const {
     std::size_t total = 1;
     for (const auto& values : allowed_) {
       total *= std::max<std::size_t>(values.size(), 1);
       if (total > kLargestSearch) return false;
     }
+    if (!spend(budget_, total * (mentioned + allowed_.size()))) return false;
     std::vector<bool> possible(total), reached(total);
     std::vector<std::uint32_t> choice(variables_.size(), 0);
     std::size_t count = 0, start = 0;
     for (std::size_t state = 0; state < total; ++state) {
       decode(state, choice);
-      possible[state] = std::ranges::all_of(constraints, [&](std::uint32_t c) { return evaluate(network_.constraints()[c].literal, choice); });
+      possible[state] = std::ranges::all_of(
+          constraints, [&](std::uint32_t c) { return evaluate(network_.constraints()[c].literal, choice); });
       if (possible[state]) {
         ++count;
         start = state;
@@ -132,13 +166,14 @@ class Group {
 
   const GroundNetwork& network_;
   const Propagation& propagation_;
+  ErgodicityBudget& budget_;
   std::vector<VariableId> variables_;
   std::vector<std::vector<std::uint32_t>> allowed_;
 };
 
 }  // namespace
 
-bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component) {
+bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component, ErgodicityBudget& budget) {
   const auto constraints = network.component_constraints(component);
   Propagation propagation(network, constraints);
   if (!propagation.run()) return true;  // no world at all: others will say so
@@ -153,7 +188,7 @@ bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId co
   std::vector<VariableId> variables;
   for (std::uint32_t i = 0; i < constraints.size(); ++i) {
     variables.clear();
-    collect_variables(network, network.constraints()[constraints[i]].literal, variables);
+    if (!collect_variables(network, network.constraints()[constraints[i]].literal, variables, budget)) return false;
     for (VariableId v : variables) {
       std::uint32_t open = 0;
       for (std::uint32_t k = 0; k < network.value_count(v); ++k) open += propagation.allowed(v, k) ? 1u : 0u;
@@ -164,7 +199,7 @@ bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId co
   }
   std::map<std::uint32_t, Group> groups;
   for (std::uint32_t i = 0; i < constraints.size(); ++i) {
-    groups.try_emplace(root(i), network, propagation).first->second.constraints.push_back(constraints[i]);
+    groups.try_emplace(root(i), network, propagation, budget).first->second.constraints.push_back(constraints[i]);
   }
   return std::ranges::all_of(groups, [](auto& entry) { return entry.second.connected(); });
 }

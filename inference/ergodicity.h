@@ -6,13 +6,22 @@
 //                         worlds lead, one variable at a time, to the world made of these values
 //             by search   a group with few joint values is enumerated and its graph walked
 //           Groups that neither settles are taken as not connected.
-// Cost      linear, plus O(kLargestSearch x variables) for a group that is searched.
+// Cost      linear, plus O(kLargestSearch x variables) for a group that is searched, within a budget of steps for all.
 #pragma once
 
+#include <cstdint>
+
 #include "grounding/network.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
-bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component);
+// Shared by the components of one network. Once it is used up, or `stop` says so, whatever is not settled counts as not connected.
+struct ErgodicityBudget {
+  std::uint64_t steps = std::uint64_t{1} << 28;
+  const StopCondition* stop = nullptr;
+};
+
+bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component, ErgodicityBudget& budget);
 
 }  // namespace sherlog

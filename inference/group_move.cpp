@@ -2,50 +2,31 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
+#include <unordered_set>
 
 namespace sherlog {
 namespace {
 
-// Calls f(gate) for every gate above the node.
-template <class F>
-void for_each_gate_above(const WorldIndex& index, std::uint32_t node, F&& f) {
-  for (const WorldIndex::Use& use : index.uses(node)) {
-    f(use.gate);
-    for_each_gate_above(index, index.gate_node(use.gate), f);
-  }
-}
+// Formulas above an atom beyond which it is no leaf: a step looks at all of them.
+constexpr std::size_t kMostGatesAbove = 4096, kFewGates = 32;
+constexpr std::uint32_t kVariablesPerStopCheck = 4096;
 
-template <class F>
-void for_each_atom_below(const GroundNetwork& network, std::uint32_t gate, F&& f) {
-  for (Literal input : network.gate_inputs(GateId(gate))) {
-    if (input.is_gate()) {
-      for_each_atom_below(network, input.gate().value, f);
-    } else {
-      f(input.atom());
+// Every gate above the node, once; false where they are too many.
+bool gates_above(const WorldIndex& index, std::uint32_t node, std::vector<std::uint32_t>& out) {
+  out.clear();
+  std::unordered_set<std::uint32_t> seen;  // where a search through `out` would take long
+  for (std::size_t next = 0;; ++next) {
+    for (const WorldIndex::Use& use : index.uses(node)) {
+      const bool few = out.size() < kFewGates;
+      if (!few && seen.empty()) seen.insert(out.begin(), out.end());
+      const bool is_new = few ? std::ranges::find(out, use.gate) == out.end() : seen.insert(use.gate).second;
+      if (is_new) out.push_back(use.gate);
+      if (out.size() > kMostGatesAbove) return false;
     }
+    if (next == out.size()) return true;
+    node = index.gate_node(out[next]);
   }
-}
-
-// Boolean variables no two of which meet in a formula, under no hard formula, not members of a group themselves.
-std::vector<bool> find_leaves(const WorldIndex& index, std::span<const VariableId> variables, const std::vector<bool>& covered) {
-  const GroundNetwork& network = index.network();
-  std::vector<bool> leaf(network.atom_count(), false);
-  for (VariableId v : variables) {
-    const AtomId atom = network.first_atom(v);
-    if (covered[v.index()] || network.candidate_count(v) != 1 || !network.has_none(v) || index.demand(atom.value) != 0) continue;
-    bool good = true, hangs_on_group = false;
-    for_each_gate_above(index, atom.value, [&](std::uint32_t gate) {
-      if (!good) return;
-      good = index.demand(index.gate_node(gate)) == 0;
-      if (!good) return;
-      for_each_atom_below(network, gate, [&](AtomId other) {
-        if (other != atom && leaf[other.index()]) good = false;
-        if (covered[network.variable_of(other).index()]) hangs_on_group = true;
-      });
-    });
-    leaf[atom.index()] = good && hangs_on_group;
-  }
-  return leaf;
 }
 
 void sort_unique(std::vector<std::uint32_t>& v) {
@@ -56,58 +37,112 @@ void sort_unique(std::vector<std::uint32_t>& v) {
 }  // namespace
 
 GroupMoves::GroupMoves(const WorldIndex& index, std::span<const VariableId> variables) {
+  find_groups(index, variables);
+  if (!groups_.empty()) find_leaves(index, variables);
+}
+
+void GroupMoves::find_groups(const WorldIndex& index, std::span<const VariableId> variables) {
   const GroundNetwork& network = index.network();
-  covered_.assign(network.variable_count(), false);
-  std::vector<bool> inside(network.variable_count(), false);
-  for (VariableId v : variables) inside[v.index()] = true;
-  for (std::uint32_t g = 0; g < network.gate_count(); ++g) {
-    if (network.gate_kind(GateId(g)) != GateKind::kAtMostOne || index.demand(index.gate_node(g)) != 1) continue;
-    const auto inputs = network.gate_inputs(GateId(g));
-    if (!std::ranges::all_of(inputs, [&](Literal l) {
-          return l.is_atom() && !l.negated() && inside[network.variable_of(l.atom()).index()];
-        })) {
-      continue;
+  // An atom of the group leads to its gate; `variables` are sorted, so a search tells who belongs here.
+  std::vector<std::uint32_t> gates;
+  for (VariableId v : variables) {
+    for (std::uint32_t i = 0; i < network.candidate_count(v); ++i) {
+      for (const WorldIndex::Use& use : index.telling_uses(network.first_atom(v).value + i)) {
+        const bool demanded =
+            network.gate_kind(GateId(use.gate)) == GateKind::kAtMostOne && index.demand(index.gate_node(use.gate)) == 1;
+        if (demanded) gates.push_back(use.gate);
+      }
     }
+  }
+  sort_unique(gates);
+  for (std::uint32_t g : gates) {
+    const bool plain = std::ranges::all_of(network.gate_inputs(GateId(g)), [&](Literal l) {
+      return l.is_atom() && !l.negated() && std::ranges::binary_search(variables, network.variable_of(l.atom()));
+    });
+    if (!plain) continue;
     const auto begin = static_cast<std::uint32_t>(members_.size());
-    bool good = true;
-    for (Literal input : inputs) {
-      const VariableId v = network.variable_of(input.atom());
-      std::uint32_t escape = 0, escapes = 0;
-      for (std::uint32_t value = 0; value < network.value_count(v); ++value) {
-        const bool in_group = value < network.candidate_count(v) &&
-                              std::ranges::find(inputs, Literal::atom(AtomId(network.first_atom(v).value + value))) != inputs.end();
-        if (in_group) continue;
-        escape = value;
-        ++escapes;
-      }
-      good = good && escapes == 1;
-      Member member{v, network.value_of(input.atom()), escape, 0, 0, true, 0.0};
-      if (escape < network.candidate_count(v)) {
-        const std::uint32_t atom = network.first_atom(v).value + escape;
-        member.plain_escape = index.uses(atom).empty() && index.demand(atom) == 0;
-        member.escape_weight = index.weight(atom);
-      }
-      members_.push_back(member);
-    }
-    if (!good) {
+    if (!add_members(index, g)) {
       members_.resize(begin);
       continue;
     }
     groups_.push_back({g, begin, static_cast<std::uint32_t>(members_.size())});
-    for (std::uint32_t m = begin; m < members_.size(); ++m) covered_[members_[m].variable.index()] = true;
+    for (std::uint32_t m = begin; m < members_.size(); ++m) covered_.push_back(members_[m].variable);
   }
-  if (groups_.empty()) return;
-  const std::vector<bool> leaf = find_leaves(index, variables, covered_);
+  std::ranges::sort(covered_);
+  covered_.erase(std::unique(covered_.begin(), covered_.end()), covered_.end());
+}
+
+// False where some variable has not just one value outside the group.
+bool GroupMoves::add_members(const WorldIndex& index, std::uint32_t gate) {
+  const GroundNetwork& network = index.network();
+  const auto inputs = network.gate_inputs(GateId(gate));
+  std::vector<AtomId> atoms;
+  for (Literal input : inputs) atoms.push_back(input.atom());
+  std::ranges::sort(atoms);
+  for (Literal input : inputs) {
+    const VariableId v = network.variable_of(input.atom());
+    std::uint32_t escape = 0, escapes = 0;
+    for (std::uint32_t value = 0; value < network.value_count(v); ++value) {
+      if (value < network.candidate_count(v) &&
+          std::ranges::binary_search(atoms, AtomId(network.first_atom(v).value + value)))
+        continue;
+      escape = value;
+      ++escapes;
+    }
+    if (escapes != 1) return false;
+    Member member{v, network.value_of(input.atom()), escape, 0, 0, true, 0.0};
+    if (escape < network.candidate_count(v)) {
+      const std::uint32_t atom = network.first_atom(v).value + escape;
+      member.plain_escape = index.uses(atom).empty() && index.demand(atom) == 0;
+      member.escape_weight = index.weight(atom);
+    }
+    members_.push_back(member);
+  }
+  return true;
+}
+
+// All or nothing: a leaf that one member sums out and another does not would be summed wrongly.
+void GroupMoves::forget_leaves() {
+  leaves_.clear();
+  for (Member& member : members_) member.leaf_begin = member.leaf_end = 0;
+}
+
+// Leaves: boolean variables no two of which meet in a formula, under no hard formula, not members of a group themselves, but below a
+// formula with one. So each formula has one leaf at most, and a member's leaves are those of the formulas above it.
+void GroupMoves::find_leaves(const WorldIndex& index, std::span<const VariableId> variables) {
+  const GroundNetwork& network = index.network();
+  std::unordered_set<std::uint32_t> with_member;
+  std::vector<std::uint32_t> above, stack;
+  for (VariableId v : covered_) {
+    for (std::uint32_t i = 0; i < network.candidate_count(v); ++i) stack.push_back(network.first_atom(v).value + i);
+  }
+  while (!stack.empty()) {
+    const std::uint32_t node = stack.back();
+    stack.pop_back();
+    for (const WorldIndex::Use& use : index.uses(node)) {
+      if (with_member.insert(use.gate).second) stack.push_back(index.gate_node(use.gate));
+    }
+  }
+  std::unordered_map<std::uint32_t, std::uint32_t> leaf_of_gate;
+  for (VariableId v : variables) {
+    const std::uint32_t atom = network.first_atom(v).value;
+    if (covers(v) || network.candidate_count(v) != 1 || !network.has_none(v) || index.demand(atom) != 0) continue;
+    if (!gates_above(index, atom, above)) continue;
+    const bool good = std::ranges::all_of(above, [&](std::uint32_t gate) {
+      return index.demand(index.gate_node(gate)) == 0 && !leaf_of_gate.contains(gate);
+    });
+    if (!good || std::ranges::none_of(above, [&](std::uint32_t gate) { return with_member.contains(gate); })) continue;
+    for (std::uint32_t gate : above) leaf_of_gate.emplace(gate, atom);
+  }
   std::vector<std::uint32_t> found;
   for (Member& member : members_) {
     found.clear();
     for (std::uint32_t c = 0; c < network.candidate_count(member.variable); ++c) {
-      for_each_gate_above(index, network.first_atom(member.variable).value + c, [&](std::uint32_t gate) {
-        if (index.demand(index.gate_node(gate)) != 0) return;
-        for_each_atom_below(network, gate, [&](AtomId atom) {
-          if (leaf[atom.index()]) found.push_back(atom.value);
-        });
-      });
+      if (!gates_above(index, network.first_atom(member.variable).value + c, above)) return forget_leaves();
+      for (std::uint32_t gate : above) {
+        const auto leaf = leaf_of_gate.find(gate);
+        if (leaf != leaf_of_gate.end()) found.push_back(leaf->second);
+      }
     }
     sort_unique(found);
     member.leaf_begin = static_cast<std::uint32_t>(leaves_.size());
@@ -125,9 +160,8 @@ double GroupMoves::leaf_sum(World& world, std::span<const std::uint32_t> leaves)
   return sum;
 }
 
-void GroupMoves::draw(World& world, Rng& rng, const Group& group) {
+void GroupMoves::draw(World& world, Rng& rng, Scratch& scratch, const Group& group) const {
   const std::span<const Member> members(members_.data() + group.begin, group.end - group.begin);
-  const auto leaves_of = [&](const Member& m) { return std::span(leaves_).subspan(m.leaf_begin, m.leaf_end - m.leaf_begin); };
   const GroundNetwork& network = world.index().network();
   std::uint32_t current = static_cast<std::uint32_t>(members.size());
   for (std::uint32_t i = 0; i < members.size() && world.true_inputs(group.gate) > 0; ++i) {
@@ -137,24 +171,24 @@ void GroupMoves::draw(World& world, Rng& rng, const Group& group) {
     }
   }
   // Everything is measured against "none of them": the current member steps aside first.
-  choices_.clear();
-  weights_.clear();
-  own_leaves_.clear();
+  scratch.choices.clear();
+  scratch.weights.clear();
+  scratch.own_leaves.clear();
   double stepped = 0.0, own_before = 0.0;
   if (current < members.size()) {
     const auto own = leaves_of(members[current]);
-    own_leaves_.assign(own.begin(), own.end());
+    scratch.own_leaves.assign(own.begin(), own.end());
     own_before = leaf_sum(world, own);
     stepped = world.set(members[current].variable, members[current].escape);
   }
   const bool none_possible = world.broken().empty();
   if (current < members.size()) {
-    choices_.push_back(current);
-    weights_.push_back(-stepped + own_before - leaf_sum(world, own_leaves_));
+    scratch.choices.push_back(current);
+    scratch.weights.push_back(-stepped + own_before - leaf_sum(world, scratch.own_leaves));
   }
   if (none_possible || current == members.size()) {
-    choices_.push_back(static_cast<std::uint32_t>(members.size()));
-    weights_.push_back(0.0);
+    scratch.choices.push_back(static_cast<std::uint32_t>(members.size()));
+    scratch.weights.push_back(0.0);
   }
   for (std::uint32_t i = 0; i < members.size() && none_possible; ++i) {
     if (i == current) continue;
@@ -165,34 +199,34 @@ void GroupMoves::draw(World& world, Rng& rng, const Group& group) {
       const double change = world.peek(network.first_atom(m.variable).value + m.value);
       if (change == World::kBreaks) continue;
       if (leaves.empty()) {
-        choices_.push_back(i);
-        weights_.push_back(change - m.escape_weight);
+        scratch.choices.push_back(i);
+        scratch.weights.push_back(change - m.escape_weight);
         continue;
       }
     }
     const double before = leaf_sum(world, leaves);
     const double change = world.set(m.variable, m.value);
     if (world.broken().empty()) {
-      choices_.push_back(i);
-      weights_.push_back(change + leaf_sum(world, leaves) - before);
+      scratch.choices.push_back(i);
+      scratch.weights.push_back(change + leaf_sum(world, leaves) - before);
     }
     world.set(m.variable, m.escape);
   }
-  const double best = *std::ranges::max_element(weights_);
+  const double best = *std::ranges::max_element(scratch.weights);
   double total = 0.0;
-  for (double& w : weights_) total += w = std::exp(w - best);
+  for (double& w : scratch.weights) total += w = std::exp(w - best);
   double u = rng.uniform() * total;
   std::size_t chosen = 0;
-  while (chosen + 1 < weights_.size() && (u -= weights_[chosen]) >= 0.0) ++chosen;
-  const std::uint32_t pick = choices_[chosen];
+  while (chosen + 1 < scratch.weights.size() && (u -= scratch.weights[chosen]) >= 0.0) ++chosen;
+  const std::uint32_t pick = scratch.choices[chosen];
   if (pick < members.size()) world.set(members[pick].variable, members[pick].value);
   // The leaves of old and new follow; those of others did not notice.
   if (pick < members.size()) {
     const auto leaves = leaves_of(members[pick]);
-    own_leaves_.insert(own_leaves_.end(), leaves.begin(), leaves.end());
+    scratch.own_leaves.insert(scratch.own_leaves.end(), leaves.begin(), leaves.end());
   }
-  sort_unique(own_leaves_);
-  for (std::uint32_t atom : own_leaves_) {
+  sort_unique(scratch.own_leaves);
+  for (std::uint32_t atom : scratch.own_leaves) {
     const double change = world.peek(atom);
     if (rng.uniform() * (1.0 + std::exp(-change)) >= 1.0) continue;
     const VariableId v = network.variable_of(AtomId(atom));
@@ -200,8 +234,15 @@ void GroupMoves::draw(World& world, Rng& rng, const Group& group) {
   }
 }
 
-void GroupMoves::sweep(World& world, Rng& rng) {
-  for (const Group& group : groups_) draw(world, rng, group);
+void GroupMoves::sweep(World& world, Rng& rng, Scratch& scratch, const StopCondition* stop) const {
+  std::uint32_t since_check = 0;
+  for (const Group& group : groups_) {
+    draw(world, rng, scratch, group);
+    since_check += group.end - group.begin;
+    if (since_check < kVariablesPerStopCheck || stop == nullptr) continue;
+    if (stop->reached()) return;
+    since_check = 0;
+  }
 }
 
 }  // namespace sherlog

@@ -7,28 +7,36 @@
 //           the rest they are independent of each other, so the sum is a product of 1 + exp(change of flipping it).
 // Source    Liu, JASA 89, 1994 (collapsing); the step is a Gibbs draw of (choice, leaves) given everything else.
 // Requires  Demands are those of the index and are met.
-// Cost      O(free members x (occurrences + leaves)).
+// Cost      O(free members x (occurrences + leaves)) a draw; set up in the size of what is above the variables.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "inference/rng.h"
 #include "inference/world.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
 class GroupMoves {
  public:
+  // What a sweep writes to; one for all components of a chain.
+  struct Scratch {
+    std::vector<std::uint32_t> own_leaves, choices;
+    std::vector<double> weights;
+  };
+
   // Finds the groups (demanded at-most-one gates over atoms whose variables have one value outside the group) and the leaves.
   GroupMoves(const WorldIndex& index, std::span<const VariableId> variables);
 
   bool empty() const { return groups_.empty(); }
   // Whether some group covers the variable (by network variable).
-  bool covers(VariableId v) const { return covered_[v.index()]; }
-  // One draw of every group in turn.
-  void sweep(World& world, Rng& rng);
+  bool covers(VariableId v) const { return std::ranges::binary_search(covered_, v); }
+  // One draw of every group in turn, or of the first ones until `stop`.
+  void sweep(World& world, Rng& rng, Scratch& scratch, const StopCondition* stop = nullptr) const;
 
  private:
   struct Member {
@@ -36,7 +44,7 @@ class GroupMoves {
     std::uint32_t value;   // that makes it true
     std::uint32_t escape;  // the variable's value outside the group
     std::uint32_t leaf_begin, leaf_end;
-    bool plain_escape;       // leaving the escape value costs its own weight and nothing else
+    bool plain_escape;  // leaving the escape value costs its own weight and nothing else
     double escape_weight;
   };
   struct Group {
@@ -44,17 +52,21 @@ class GroupMoves {
     std::uint32_t begin, end;  // members
   };
 
-  void draw(World& world, Rng& rng, const Group& group);
+  void find_groups(const WorldIndex& index, std::span<const VariableId> variables);
+  bool add_members(const WorldIndex& index, std::uint32_t gate);
+  void forget_leaves();
+  void find_leaves(const WorldIndex& index, std::span<const VariableId> variables);
+  void draw(World& world, Rng& rng, Scratch& scratch, const Group& group) const;
   // log of the sum over the leaves (each free to flip) of exp(score), relative to their current values.
   double leaf_sum(World& world, std::span<const std::uint32_t> leaves) const;
+  std::span<const std::uint32_t> leaves_of(const Member& m) const {
+    return std::span(leaves_).subspan(m.leaf_begin, m.leaf_end - m.leaf_begin);
+  }
 
   std::vector<Group> groups_;
   std::vector<Member> members_;
-  std::vector<std::uint32_t> leaves_;         // atoms, by member
-  std::vector<bool> covered_;
-  std::vector<std::uint32_t> own_leaves_, scratch_leaves_;
-  std::vector<double> weights_;
-  std::vector<std::uint32_t> choices_;
+  std::vector<std::uint32_t> leaves_;  // atoms, by member
+  std::vector<VariableId> covered_;    // sorted
 };
 
 }  // namespace sherlog

@@ -13,7 +13,9 @@ namespace {
 constexpr std::size_t kInlineEntries = 64;
 constexpr std::size_t kLargestTable = 8192;
 constexpr double kLargestWeight = 30.0, kLargestWeights = 600.0;  // nats, of one formula and of a block in all
-constexpr double kTableOverhead = 40.0;  // what handling one table costs, in entries
+constexpr double kTableOverhead = 40.0;                           // what handling one table costs, in entries
+constexpr std::size_t kRunningSums = 64;  // a self-contained block of at most so many joint values is drawn from a list
+constexpr std::size_t kFewGates = 1024;   // above a block; many more than it has table entries are not worth looking at
 constexpr std::uint64_t kOrderSteps = 5000;  // for each variable: an order that takes longer to find is of no use
 
 }  // namespace
@@ -23,12 +25,12 @@ class JointBlockBuilder {
   JointBlockBuilder(const WorldIndex& index, std::span<const VariableId> variables)
       : index_(index), network_(index.network()), variables_(variables.begin(), variables.end()) {}
 
-  std::optional<JointBlock> build(double max_cost) {
+  std::optional<JointBlock> build(double max_cost, const StopCondition* stop) {
     for (std::uint32_t i = 0; i < variables_.size(); ++i) {
       local_of_variable_[variables_[i].value] = i;
       cardinalities_.push_back(network_.value_count(variables_[i]));
     }
-    find_gates();
+    if (!find_gates(std::max(kFewGates, static_cast<std::size_t>(max_cost)))) return std::nullopt;
     for (std::uint32_t gate : gates_) {
       if (!prepare_gate(gate)) return std::nullopt;
     }
@@ -40,42 +42,46 @@ class JointBlockBuilder {
     for (std::uint32_t gate : gates_) {
       if (!weigh_node(index_.gate_node(gate))) return std::nullopt;
     }
-    return finish(max_cost);
+    return finish(max_cost, stop);
   }
 
  private:
   struct Gate {
-    std::vector<Literal> inside;        // inputs that depend on the block
-    std::int32_t outside_bit = -1;      // into block_.bits_
-    std::int32_t auxiliary = -1;        // the plan's variable that carries its truth, where it has one
-    std::vector<std::uint32_t> scope;   // plan variables that its truth reads, where it has none; sorted
-    std::vector<std::uint32_t> bits;    // outside bits likewise; sorted
-    bool weighed = false;               // an at-most-one chain that enforces itself
+    std::vector<Literal> inside;       // inputs that depend on the block
+    std::uint32_t first = 0;           // the first of the block's variables below it
+    std::int32_t outside_bit = -1;     // into block_.bits_
+    std::int32_t auxiliary = -1;       // the plan's variable that carries its truth, where it has one
+    std::vector<std::uint32_t> scope;  // plan variables that its truth reads, where it has none; sorted
+    std::vector<std::uint32_t> bits;   // outside bits likewise; sorted
+    bool weighed = false;              // an at-most-one chain that enforces itself
   };
   struct Table {
     std::vector<std::uint32_t> scope;
     std::vector<double> values;
   };
 
-  bool inside(Literal literal) const {
-    return literal.is_gate() ? local_gate_.contains(literal.gate().value)
-                             : local_of_variable_.contains(network_.variable_of(literal.atom()).value);
-  }
-
-  // Every gate above an atom of the block, in topological order.
-  void find_gates() {
+  // Every gate above an atom of the block, in topological order, and which of its inputs depend on the block. Gates may have far more
+  // inputs than that, so they are met from below only. False where there are too many.
+  bool find_gates(std::size_t most) {
     std::vector<std::uint32_t> stack;
+    std::vector<std::vector<Literal>> inside;  // by order of discovery
     for (VariableId v : variables_) {
       for (std::uint32_t i = 0; i < network_.candidate_count(v); ++i) stack.push_back(network_.first_atom(v).value + i);
     }
     while (!stack.empty()) {
       const std::uint32_t node = stack.back();
       stack.pop_back();
+      const bool is_atom = node < index_.atom_count();
       for (const WorldIndex::Use& use : index_.uses(node)) {
-        if (local_gate_.try_emplace(use.gate, 0u).second) {
+        const auto [found, is_new] = local_gate_.try_emplace(use.gate, static_cast<std::uint32_t>(gates_.size()));
+        if (is_new) {
+          if (gates_.size() == most) return false;
           gates_.push_back(use.gate);
+          inside.emplace_back();
           stack.push_back(index_.gate_node(use.gate));
         }
+        inside[found->second].push_back(is_atom ? Literal::atom(AtomId(node), use.negated)
+                                                : Literal::gate(GateId(node - index_.atom_count()), use.negated));
       }
     }
     std::ranges::sort(gates_);
@@ -84,7 +90,9 @@ class JointBlockBuilder {
     for (std::size_t i = gates_.size(); i-- > 0;) {
       const std::uint32_t node = index_.gate_node(gates_[i]);
       const bool matters = index_.weight(node) != 0.0 || index_.demand(node) != 0 ||
-                           std::ranges::any_of(index_.uses(node), [&](const WorldIndex::Use& use) { return local_gate_.contains(use.gate); });
+                           std::ranges::any_of(index_.uses(node), [&](const WorldIndex::Use& use) {
+                             return local_gate_.contains(use.gate);
+                           });
       if (matters) {
         useful.push_back(gates_[i]);
       } else {
@@ -93,7 +101,13 @@ class JointBlockBuilder {
     }
     gates_.assign(useful.rbegin(), useful.rend());
     gate_.resize(gates_.size());
-    for (std::uint32_t i = 0; i < gates_.size(); ++i) local_gate_[gates_[i]] = i;
+    for (std::uint32_t i = 0; i < gates_.size(); ++i) {
+      std::uint32_t& local = local_gate_.find(gates_[i])->second;
+      gate_[i].inside = std::move(inside[local]);
+      std::ranges::sort(gate_[i].inside);
+      local = i;
+    }
+    return true;
   }
 
   static void merge(std::vector<std::uint32_t>& into, const std::vector<std::uint32_t>& from) {
@@ -129,14 +143,9 @@ class JointBlockBuilder {
 
   bool prepare_gate(std::uint32_t id) {
     Gate& gate = gate_[local_gate_.at(id)];
-    bool has_outside = false;
-    for (Literal input : network_.gate_inputs(GateId(id))) {
-      if (inside(input)) {
-        gate.inside.push_back(input);
-      } else {
-        has_outside = true;
-      }
-    }
+    gate.first = 0xffffffffu;
+    for (Literal input : gate.inside) gate.first = std::min(gate.first, first_variable(input));
+    const bool has_outside = gate.inside.size() < network_.gate_inputs(GateId(id)).size();
     if (has_outside) {
       gate.outside_bit = static_cast<std::int32_t>(block_.bits_.size());
       const auto begin = static_cast<std::uint32_t>(block_.inside_.size());
@@ -146,7 +155,8 @@ class JointBlockBuilder {
     }
     for (Literal input : gate.inside) {
       reads(input, gate.scope, gate.bits);
-      if (entries(gate.scope, gate.bits.size()) > kInlineEntries) break;  // to be cut: the rest of the scope is not needed
+      if (entries(gate.scope, gate.bits.size()) > kInlineEntries)
+        break;  // to be cut: the rest of the scope is not needed
     }
     if (entries(gate.scope, gate.bits.size()) <= kInlineEntries) return true;
     if (network_.gate_kind(GateId(id)) != GateKind::kIff) return make_chain(id, gate);
@@ -161,11 +171,12 @@ class JointBlockBuilder {
     std::vector<std::uint32_t> key;
     if (gate.outside_bit >= 0) return key;
     assignment_.resize(cardinalities_.size());
-    in_scope_.assign(cardinalities_.size(), false);
+    in_scope_.resize(cardinalities_.size(), false);
     for (const auto& [order, inputs] : groups) {
       std::vector<std::uint32_t> scope, bits;
       for (Literal input : inputs) reads(input, scope, bits);
-      if (scope.size() != 1 || !bits.empty() || scope[0] >= variables_.size() || cardinalities_[scope[0]] > 32) return {};
+      if (scope.size() != 1 || !bits.empty() || scope[0] >= variables_.size() || cardinalities_[scope[0]] > 32)
+        return {};
       std::uint32_t accepted = 0;
       for (std::uint32_t value = 0; value < cardinalities_[scope[0]]; ++value) {
         assignment_[scope[0]] = value;
@@ -179,9 +190,7 @@ class JointBlockBuilder {
 
   std::uint32_t first_variable(Literal literal) const {
     if (literal.is_atom()) return local_of_variable_.at(network_.variable_of(literal.atom()).value);
-    std::uint32_t first = 0xffffffffu;
-    for (Literal input : gate_[local_gate_.at(literal.gate().value)].inside) first = std::min(first, first_variable(input));
-    return first;
+    return gate_[local_gate_.at(literal.gate().value)].first;
   }
 
   std::uint32_t new_auxiliary() {
@@ -198,9 +207,8 @@ class JointBlockBuilder {
       const auto auxiliary = new_auxiliary();
       std::vector<std::uint32_t> scope = below.scope;
       scope.push_back(auxiliary);
-      const bool fits = add_table(scope, below.bits, [&] {
-        return evaluate(input.gate().value) == (assignment_[auxiliary] == 1) ? 1.0 : 0.0;
-      });
+      const bool fits = add_table(
+          scope, below.bits, [&] { return evaluate(input.gate().value) == (assignment_[auxiliary] == 1) ? 1.0 : 0.0; });
       if (!fits) return false;
       below.auxiliary = static_cast<std::int32_t>(auxiliary);
     }
@@ -226,7 +234,8 @@ class JointBlockBuilder {
       }
     }
     const std::vector<std::uint32_t> key = chain_key(gate, groups);
-    const auto [known, is_new] = chain_of_key_.try_emplace(key.empty() ? std::vector<std::uint32_t>{id, 0xffffffffu} : key);
+    const auto [known, is_new] =
+        chain_of_key_.try_emplace(key.empty() ? std::vector<std::uint32_t>{id, 0xffffffffu} : key);
     std::vector<std::uint32_t>& chain = known->second;
     std::int32_t previous = -1;
     std::size_t link = 0;
@@ -242,8 +251,9 @@ class JointBlockBuilder {
       }
       scope.push_back(next);
       const bool fits = add_table(scope, bits, [&] {
-        const bool before = previous >= 0 ? assignment_[static_cast<std::uint32_t>(previous)] == 1
-                                          : gate.outside_bit >= 0 && bit_assignment_[static_cast<std::uint32_t>(gate.outside_bit)] != 0;
+        const bool before =
+            previous >= 0 ? assignment_[static_cast<std::uint32_t>(previous)] == 1
+                          : gate.outside_bit >= 0 && bit_assignment_[static_cast<std::uint32_t>(gate.outside_bit)] != 0;
         const auto true_inputs = std::ranges::count_if(inputs, [&](Literal l) { return evaluate(l); });
         if (at_most_one && (true_inputs > 1 || (before && true_inputs > 0))) return 0.0;
         return (before || true_inputs > 0) == (assignment_[next] == 1) ? 1.0 : 0.0;
@@ -278,8 +288,8 @@ class JointBlockBuilder {
     const double weight = index_.weight(node);
     const int demand = index_.demand(node);
     if (weight == 0.0 && demand == 0) return true;
-    const Literal literal = node < index_.atom_count() ? Literal::atom(AtomId(node))
-                                                       : Literal::gate(GateId(node - index_.atom_count()));
+    const Literal literal =
+        node < index_.atom_count() ? Literal::atom(AtomId(node)) : Literal::gate(GateId(node - index_.atom_count()));
     if (literal.is_gate() && gate_[local_gate_.at(literal.gate().value)].weighed) return weight == 0.0;
     std::vector<std::uint32_t> scope, bits;
     reads(literal, scope, bits);
@@ -305,12 +315,13 @@ class JointBlockBuilder {
     if (is_new) tables_.push_back({scope, std::vector<double>(size, 1.0)});
     Table& table = tables_[found->second];
     assignment_.resize(cardinalities_.size());
-    in_scope_.assign(cardinalities_.size(), false);
+    in_scope_.resize(cardinalities_.size(), false);
     for (std::uint32_t v : scope) in_scope_[v] = true;
-    bit_assignment_.assign(block_.bits_.size(), 0);
+    bit_assignment_.resize(block_.bits_.size(), 0);
     const auto values_begin = static_cast<std::uint32_t>(block_.variant_values_.size());
     for (std::size_t variant = 0; variant < std::size_t{1} << bits.size(); ++variant) {
-      for (std::size_t b = 0; b < bits.size(); ++b) bit_assignment_[bits[b]] = static_cast<std::uint8_t>(variant >> b & 1);
+      for (std::size_t b = 0; b < bits.size(); ++b)
+        bit_assignment_[bits[b]] = static_cast<std::uint8_t>(variant >> b & 1);
       for (std::uint32_t v : scope) assignment_[v] = 0;
       for (std::size_t i = 0; i < size; ++i) {
         if (bits.empty()) {
@@ -324,6 +335,7 @@ class JointBlockBuilder {
         }
       }
     }
+    for (std::uint32_t v : scope) in_scope_[v] = false;
     if (!bits.empty()) {
       const auto bits_begin = static_cast<std::uint32_t>(block_.variant_bits_.size());
       block_.variant_bits_.insert(block_.variant_bits_.end(), bits.begin(), bits.end());
@@ -333,22 +345,57 @@ class JointBlockBuilder {
     return true;
   }
 
-  std::optional<JointBlock> finish(double max_cost) {
+  std::optional<JointBlock> finish(double max_cost, const StopCondition* stop) {
+    block_.variables_ = std::move(variables_);
+    if (block_.bits_.empty() && list_joint_values()) return std::move(block_);
     std::vector<std::vector<std::uint32_t>> scopes;
     for (const Table& table : tables_) scopes.push_back(table.scope);
     OrderLimits limits;
     limits.max_table_log2 = std::log2(max_cost);
+    limits.max_total = max_cost;
     limits.max_steps = kOrderSteps * (cardinalities_.size() + 1);
     limits.thorough = false;
+    limits.stop = stop;
     block_.plan_.emplace(cardinalities_, scopes, limits);
     if (!(block_.plan_->cost() <= max_cost)) return std::nullopt;
-    for (const Table& table : tables_) block_.base_.insert(block_.base_.end(), table.values.begin(), table.values.end());
-    block_.variables_ = std::move(variables_);
-    block_.bit_values_.assign(block_.bits_.size(), 0);
-    block_.drawn_.assign(cardinalities_.size(), 0);
+    for (const Table& table : tables_)
+      block_.base_.insert(block_.base_.end(), table.values.begin(), table.values.end());
     block_.cost_ = block_.plan_->cost() + static_cast<double>(block_.base_.size() + block_.inside_.size()) +
                    kTableOverhead * static_cast<double>(tables_.size() + cardinalities_.size());
+    if (block_.self_contained()) block_.prepare_once();
     return std::move(block_);
+  }
+
+  // Multiplies all tables out where the joint values are few.
+  bool list_joint_values() {
+    std::size_t joint = 1;
+    for (std::uint32_t k : cardinalities_) {
+      joint *= k;
+      if (joint > kRunningSums) return false;
+    }
+    if (cardinalities_.size() > block_.variables_.size()) return false;  // auxiliary variables are not drawn
+    std::vector<std::uint32_t> value(cardinalities_.size(), 0);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < joint; ++i) {
+      double product = 1.0;
+      for (const Table& table : tables_) {
+        std::size_t entry = 0;
+        for (std::uint32_t v : table.scope) entry = entry * cardinalities_[v] + value[v];
+        product *= table.values[entry];
+      }
+      block_.running_sums_.push_back(sum += product);
+      for (std::size_t k = value.size(); k-- > 0;) {
+        if (++value[k] < cardinalities_[k]) break;
+        value[k] = 0;
+      }
+    }
+    // Products of very small numbers, or none: the careful way decides.
+    if (!(sum > 1e-200)) {
+      block_.running_sums_.clear();
+      return false;
+    }
+    block_.cost_ = static_cast<double>(joint);
+    return true;
   }
 
   const WorldIndex& index_;
@@ -369,42 +416,74 @@ class JointBlockBuilder {
   JointBlock block_;
 };
 
-std::optional<JointBlock> JointBlock::make(const WorldIndex& index, std::span<const VariableId> variables, double max_cost) {
-  return JointBlockBuilder(index, variables).build(max_cost);
+std::optional<JointBlock> JointBlock::make(const WorldIndex& index, std::span<const VariableId> variables,
+                                           double max_cost, const StopCondition* stop) {
+  return JointBlockBuilder(index, variables).build(max_cost, stop);
 }
 
-void JointBlock::fill(const World& world) {
+void JointBlock::prepare_once() {
+  EliminationPlan::Scratch scratch;
+  std::vector<std::uint8_t> no_bits;
+  plan_->make_room(own_contents_, scratch);
+  fill(nullptr, own_contents_, no_bits);
+  possible_ = plan_->prepare(own_contents_, scratch);
+  std::vector<double>().swap(base_);
+}
+
+// The World is read for outside bits only.
+void JointBlock::fill(const World* world, EliminationPlan::Contents& contents, std::vector<std::uint8_t>& bits) const {
+  bits.resize(bits_.size());
   for (std::size_t b = 0; b < bits_.size(); ++b) {
     std::uint32_t inside_true = 0;
-    for (std::uint32_t i = bits_[b].inside_begin; i < bits_[b].inside_end; ++i) inside_true += world.is_true(inside_[i]) ? 1u : 0u;
-    bit_values_[b] = world.true_inputs(bits_[b].gate) > inside_true ? 1 : 0;
+    for (std::uint32_t i = bits_[b].inside_begin; i < bits_[b].inside_end; ++i)
+      inside_true += world->is_true(inside_[i]) ? 1u : 0u;
+    bits[b] = world->true_inputs(bits_[b].gate) > inside_true ? 1 : 0;
   }
   const double* base = base_.data();
   for (std::size_t t = 0; t < plan_->table_count(); ++t) {
-    const std::span<double> table = plan_->table(t);
+    const std::span<double> table = plan_->table(contents, t);
     std::copy_n(base, table.size(), table.begin());
     base += table.size();
   }
   for (const Variants& v : variants_) {
     std::size_t variant = 0;
     for (std::uint32_t b = v.bits_begin; b < v.bits_end; ++b) {
-      variant |= std::size_t{bit_values_[variant_bits_[b]]} << (b - v.bits_begin);
+      variant |= std::size_t{bits[variant_bits_[b]]} << (b - v.bits_begin);
     }
-    const std::span<double> table = plan_->table(v.table);
+    const std::span<double> table = plan_->table(contents, v.table);
     const double* values = variant_values_.data() + v.values_begin + variant * table.size();
     for (std::size_t i = 0; i < table.size(); ++i) table[i] *= values[i];
   }
 }
 
-bool JointBlock::draw(World& world, Rng& rng) {
-  if (!prepared_ || !self_contained()) {
-    fill(world);
-    possible_ = plan_->prepare();
-    prepared_ = true;
+bool JointBlock::draw_from_running_sums(World& world, Rng& rng) const {
+  const double u = rng.uniform() * running_sums_.back();
+  std::size_t joint = static_cast<std::size_t>(std::ranges::upper_bound(running_sums_, u) - running_sums_.begin());
+  // Rounding may lead beyond the end: the last joint value that is possible.
+  if (joint == running_sums_.size())
+    joint =
+        static_cast<std::size_t>(std::ranges::lower_bound(running_sums_, running_sums_.back()) - running_sums_.begin());
+  for (std::size_t i = variables_.size(); i-- > 0;) {
+    const std::uint32_t values = world.index().network().value_count(variables_[i]);
+    world.set(variables_[i], static_cast<std::uint32_t>(joint % values));
+    joint /= values;
   }
-  if (!possible_) return false;
-  plan_->sample(rng, drawn_);
-  for (std::size_t i = 0; i < variables_.size(); ++i) world.set(variables_[i], drawn_[i]);
+  return true;
+}
+
+bool JointBlock::draw(World& world, Rng& rng, Workspace& workspace) const {
+  if (!plan_) return draw_from_running_sums(world, rng);
+  plan_->make_room(workspace.contents, workspace.scratch);
+  if (workspace.drawn.size() < plan_->variable_count()) workspace.drawn.resize(plan_->variable_count());
+  if (self_contained()) {
+    if (!possible_) return false;
+    plan_->sample(own_contents_, workspace.scratch, rng, workspace.drawn);
+  } else {
+    fill(&world, workspace.contents, workspace.bits);
+    if (!plan_->prepare(workspace.contents, workspace.scratch)) return false;
+    plan_->sample(workspace.contents, workspace.scratch, rng, workspace.drawn);
+  }
+  for (std::size_t i = 0; i < variables_.size(); ++i) world.set(variables_[i], workspace.drawn[i]);
   return true;
 }
 

@@ -5,10 +5,12 @@
 //           single flips never leave. What lies outside the set enters only through a few bits for each ground formula
 //           ("some input outside is true"), so every table is made once for each value of those bits when the block is
 //           built, and a draw only picks tables. Long ORs and at-most-one gates become chains of auxiliary bits.
-//           A set that reads no outside bit (a whole component, say) is summed out once, and its draws are independent.
+//           A set that reads no outside bit (a whole component, say) is summed out once, and its draws are independent; with
+//           few joint values it is one table of running sums.
 // Source    Hamze & de Freitas, UAI 2004 (trees); Bidyuk & Dechter, JAIR 28, 2007 (cutset sampling, bounded width).
 // Requires  The World's weights and demands are those of its index (no slice).
-// Cost      build O(tables); a draw O(cost()) time, no allocation.
+// Cost      build O(tables + formulas above the set); a draw O(cost()) time, no allocation. Blocks are constant: chains share them
+//           and bring a workspace each.
 #pragma once
 
 #include <cstdint>
@@ -24,11 +26,21 @@ namespace sherlog {
 
 class JointBlock {
  public:
-  // Nothing where the elimination would need more than `max_cost` table entries, or a formula cannot be cut into tables.
-  static std::optional<JointBlock> make(const WorldIndex& index, std::span<const VariableId> variables, double max_cost);
+  // What a draw writes to; one for all blocks of a chain.
+  struct Workspace {
+    EliminationPlan::Contents contents;
+    EliminationPlan::Scratch scratch;
+    std::vector<std::uint8_t> bits;
+    std::vector<std::uint32_t> drawn;
+  };
+
+  // Nothing where the elimination would need more than `max_cost` table entries, or a formula cannot be cut into tables, or
+  // `stop` says so.
+  static std::optional<JointBlock> make(const WorldIndex& index, std::span<const VariableId> variables, double max_cost,
+                                        const StopCondition* stop = nullptr);
 
   // Redraws the variables; false where no value of them agrees with the hard formulas outside (the World is left as it is).
-  bool draw(World& world, Rng& rng);
+  bool draw(World& world, Rng& rng, Workspace& workspace) const;
 
   std::span<const VariableId> variables() const { return variables_; }
   // Table entries that a draw touches.
@@ -53,7 +65,9 @@ class JointBlock {
   };
 
   JointBlock() = default;
-  void fill(const World& world);
+  void prepare_once();
+  bool draw_from_running_sums(World& world, Rng& rng) const;
+  void fill(const World* world, EliminationPlan::Contents& contents, std::vector<std::uint8_t>& bits) const;
 
   std::vector<VariableId> variables_;
   std::vector<OutsideBit> bits_;
@@ -62,12 +76,11 @@ class JointBlock {
   std::vector<std::uint32_t> variant_bits_;
   std::vector<double> variant_values_;
   std::vector<double> base_;                // contents of all tables, bits aside, one after the other
-  std::vector<std::uint8_t> bit_values_;
-  std::optional<EliminationPlan> plan_;
-  std::vector<std::uint32_t> drawn_;
+  std::optional<EliminationPlan> plan_;     // none where running_sums_ says it all
+  std::vector<double> running_sums_;        // by joint value, the last variable runs fastest
+  EliminationPlan::Contents own_contents_;  // of a self-contained block: prepared when built
+  bool possible_ = true;                    // likewise
   double cost_ = 0.0;
-  bool prepared_ = false;
-  bool possible_ = false;
 };
 
 // Draws one variable from its conditional distribution, or, with `uniform`, uniformly among the values that keep all demands.

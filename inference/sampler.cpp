@@ -26,26 +26,35 @@
 namespace sherlog {
 namespace {
 
-constexpr std::size_t kRecordBytes = std::size_t{1} << 29;  // for draws kept for the diagnostics, all chains together
+constexpr std::size_t kRecordBytes = std::size_t{1} << 28;  // for draws kept for the diagnostics, all chains together
 constexpr std::uint64_t kStartFlips = 200;                  // of local search for a first world, for each variable
 constexpr int kStartTries = 20;
 constexpr std::uint64_t kConflictDecisions = 1000000;
+constexpr std::size_t kQueriesPerPart = 64;  // of the work on diagnostics
 
 // What all chains share: read only once made.
 struct Plan {
   struct Component {
     std::vector<VariableId> variables;
+    std::vector<VariableId> single;  // those that no group move covers
     BlockCover cover;
+    std::unique_ptr<SliceStep> slice;
+    std::unique_ptr<GroupMoves> groups;
     std::vector<std::uint32_t> demanded;  // nodes with a hard demand
     bool queried = false;
     bool jump = false;  // hard formulas may lock single moves in
+    std::uint32_t slice_every = 1;
+    double block_budget = 0.0;  // table entries a sweep
   };
   GroundNetwork network;  // pairwise exclusions folded into at-most-one gates
   std::vector<std::uint32_t> queries;
-  bool possible = true;                // false: the rewriting met a contradiction
-  std::vector<std::uint32_t> decided;  // queries that the rewriting found to be constant
+  std::vector<Literal> query_literals;  // likewise
+  bool possible = true;                 // false: the rewriting met a contradiction
+  bool stopped = false;                 // not complete: a limit was reached
+  std::vector<std::uint32_t> decided;   // queries that the rewriting found to be constant
   std::vector<Component> components;
   std::vector<VariableId> variables;
+  std::vector<std::uint32_t> numbers;  // of variables within their components
   std::unique_ptr<WorldIndex> index;
   DefinedAtoms defined;
 };
@@ -67,13 +76,68 @@ void sort_unique(std::vector<ComponentId>& components) {
   components.erase(std::unique(components.begin(), components.end()), components.end());
 }
 
-Plan make_plan(const MethodContext& context, Kernel kernel) {
-  Plan plan;
+// Table entries of joint draws for each use of an atom in a sweep: where at-most-one groups move as a whole, joint draws add little.
+constexpr double kBlockShare = 1.0;
+constexpr double kBlockShareOfGroups = 0.25;
+// A slice step costs several sweeps: it comes every few of them, less often where groups move as a whole, but every time where only
+// its jumps lead everywhere.
+constexpr std::uint32_t kSliceEvery = 4;
+constexpr std::uint32_t kSliceEveryOfGroups = 16;
+// Work between two looks at the clock, in variables.
+constexpr std::uint32_t kVariablesPerStopCheck = 1024;
+
+// The moves of a component that is not one block.
+void plan_moves(const Plan& plan, Kernel kernel, Plan::Component& part) {
+  const WorldIndex& index = *plan.index;
+  part.groups = std::make_unique<GroupMoves>(index, part.variables);
+  if (kernel == Kernel::kMcSat)
+    part.slice = std::make_unique<SliceStep>(index, part.variables, plan.numbers, part.jump);
+  part.slice_every = part.groups->empty() ? kSliceEvery : kSliceEveryOfGroups;
+  for (VariableId v : part.variables) {
+    const bool covered = part.groups->covers(v);
+    if (!covered) part.single.push_back(v);
+    // A unit of work: one use of an atom by a gate.
+    double uses = 1.0;
+    for (std::uint32_t i = 0; i < plan.network.candidate_count(v); ++i) {
+      uses += static_cast<double>(index.uses(plan.network.first_atom(v).value + i).size());
+    }
+    part.block_budget += uses * (covered ? kBlockShareOfGroups : kBlockShare);
+  }
+}
+
+void plan_component(const MethodContext& context, Kernel kernel, ComponentId c, ErgodicityBudget& budget, Plan& plan) {
+  const GroundNetwork& n = plan.network;
+  Plan::Component part;
+  for (std::uint32_t i : n.component_constraints(c)) {
+    const std::uint32_t node = plan.index->node(n.constraints()[i].literal);
+    if (plan.index->demand(node) != 0) part.demanded.push_back(node);
+  }
+  part.queried = !n.component_queries(c).empty();
+  for (VariableId v : n.component_variables(c)) {
+    if (plan.defined.contains(v)) continue;
+    plan.numbers[v.index()] = static_cast<std::uint32_t>(part.variables.size());
+    part.variables.push_back(v);
+  }
+  part.cover = cover_component(*plan.index, part.variables, plan.numbers, context.options.seed, context.stop);
+  if (!part.cover.whole) {
+    part.jump = kernel == Kernel::kMcSat && !n.component_constraints(c).empty() &&
+                !single_moves_reach_every_world(n, c, budget);
+    plan_moves(plan, kernel, part);
+  }
+  plan.variables.insert(plan.variables.end(), part.variables.begin(), part.variables.end());
+  const auto queries = n.component_queries(c);
+  plan.queries.insert(plan.queries.end(), queries.begin(), queries.end());
+  plan.components.push_back(std::move(part));
+}
+
+std::unique_ptr<Plan> make_plan(const MethodContext& context, Kernel kernel) {
+  auto made = std::make_unique<Plan>();
+  Plan& plan = *made;
   // Variables of the asked components, and biases, in the numbers of the rewritten network.
   std::optional<RecognisedBlocks> blocks = recognise_blocks(context.network);
   const GroundNetwork& source = blocks ? blocks->network : context.network;
   plan.possible = !blocks || blocks->possible;
-  if (!plan.possible) return plan;
+  if (!plan.possible) return made;
   const auto renamed = [&](AtomId a) { return blocks ? blocks->atom[a.index()] : a; };
   std::vector<double> bias(context.atom_bias.empty() ? 0 : source.atom_count(), 0.0);
   for (std::uint32_t a = 0; a < context.atom_bias.size(); ++a) bias[renamed(AtomId(a)).index()] = context.atom_bias[a];
@@ -98,127 +162,115 @@ Plan make_plan(const MethodContext& context, Kernel kernel) {
     moving.insert(moving.end(), own.begin(), own.end());
   }
   plan.defined.collapse(*plan.index, moving);
+  plan.numbers.assign(n.variable_count(), kNoNumber);
+  ErgodicityBudget budget;
+  budget.stop = &context.stop;
+  std::size_t since_check = 0;
   for (ComponentId c : components) {
-    Plan::Component part;
-    const auto all = n.component_variables(c);
-    for (std::uint32_t i : n.component_constraints(c)) {
-      const std::uint32_t node = plan.index->node(n.constraints()[i].literal);
-      if (plan.index->demand(node) != 0) part.demanded.push_back(node);
+    since_check += n.component_variables(c).size();
+    if (since_check > kVariablesPerStopCheck) {
+      since_check = 0;
+      plan.stopped = context.stop.reached();
+      if (plan.stopped) return made;
     }
-    part.queried = !n.component_queries(c).empty();
-    std::ranges::copy_if(all, std::back_inserter(part.variables),
-                         [&](VariableId v) { return !plan.defined.contains(v); });
-    const auto& variables = part.variables;
-    part.cover = cover_component(*plan.index, variables, context.options.seed, context.stop);
-    part.jump = kernel == Kernel::kMcSat && !part.cover.whole && !n.component_constraints(c).empty() &&
-                !single_moves_reach_every_world(n, c);
-    plan.variables.insert(plan.variables.end(), variables.begin(), variables.end());
-    const auto queries = n.component_queries(c);
-    plan.queries.insert(plan.queries.end(), queries.begin(), queries.end());
-    plan.components.push_back(std::move(part));
+    plan_component(context, kernel, c, budget, plan);
   }
+  plan.stopped = context.stop.reached();
   std::ranges::sort(plan.queries);
+  for (std::uint32_t q : plan.queries) plan.query_literals.push_back(n.queries()[q].literal);
   for (std::uint32_t q = 0; q < n.queries().size(); ++q) {
     if (n.queries()[q].literal.is_constant()) plan.decided.push_back(q);
   }
-  return plan;
+  return made;
 }
 
 class Chain {
  public:
-  Chain(const Plan& plan, const InferenceOptions& options, Kernel kernel, std::uint32_t number)
-      : plan_(plan), world_(*plan.index), rng_(options.seed, number), number_(number), kernel_(kernel) {
-    for (const Constraint& c : plan.network.constraints()) {
-      // What was not asked about stays where it is.
-      world_.set_demand(plan.index->node(c.literal), 0);
-    }
-    for (const auto& component : plan.components) {
-      parts_.push_back({component.cover.blocks, nullptr, nullptr});
-      if (component.cover.whole) continue;
-      Part& part = parts_.back();
-      part.groups = std::make_unique<GroupMoves>(*plan.index, component.variables);
-      if (kernel == Kernel::kMcSat)
-        part.slice = std::make_unique<SliceStep>(*plan.index, component.variables, component.jump);
-      part.slice_every = part.groups->empty() ? kSliceEvery : kSliceEveryOfGroups;
-      // A unit of work: one use of an atom by a gate.
-      for (VariableId v : component.variables) {
-        double uses = 1.0;
-        for (std::uint32_t i = 0; i < plan.network.candidate_count(v); ++i) {
-          uses += static_cast<double>(plan.index->uses(plan.network.first_atom(v).value + i).size());
-        }
-        part.block_budget += uses * (part.groups->covers(v) ? kBlockShareOfGroups : kBlockShare);
-      }
-    }
+  Chain(const Plan& plan, const InferenceOptions& options, std::uint32_t number, const StopCondition& stop)
+      : plan_(plan),
+        stop_(stop),
+        world_(*plan.index),
+        rng_(options.seed, number),
+        number_(number),
+        parts_(plan.components.size()) {
+    // What was not asked about stays where it is.
+    for (const Constraint& c : plan.network.constraints()) world_.set_demand(plan.index->node(c.literal), 0);
   }
 
-  // A first world that meets the hard formulas. `opposite`: start as far from that world as possible. 0: found, else the
-  // number of the component (plus one) that seems to have none.
-  std::size_t start(const StopCondition& stop) {
+  // A first world that meets the hard formulas. 0: found, else the number of the component (plus one) that seems to have none.
+  std::size_t start() {
     scatter();
     for (std::size_t c = 0; c < parts_.size(); ++c) {
       const auto& component = plan_.components[c];
-      if (component.cover.whole && !parts_[c].blocks[0].draw(world_, rng_)) return c + 1;
+      if (out_of_time(component.variables.size())) return c + 1;
+      if (component.cover.whole && !component.cover.blocks[0].draw(world_, rng_, blocks_)) return c + 1;
       // Demands come one component after the other: whatever is broken then belongs to this one.
       for (std::uint32_t node : component.demanded) world_.set_demand(node, plan_.index->demand(node));
       if (component.cover.whole) continue;
       bool found = world_.broken().empty();
-      for (int attempt = 0; !found && attempt < kStartTries && !stop.reached(); ++attempt) {
+      for (int attempt = 0; !found && attempt < kStartTries && !stop_.reached(); ++attempt) {
         if (attempt > 0) {
           for (VariableId v : component.variables) world_.set(v, rng_.below(plan_.network.value_count(v)));
         }
-        found = sample_sat(world_, rng_, component.variables, kStartFlips * component.variables.size() + 10000, &stop);
+        found = sample_sat(world_, rng_, component.variables, kStartFlips * component.variables.size() + 10000, &stop_);
       }
       if (!found) return c + 1;
     }
     return 0;
   }
 
-  void sweep() {
+  // False where the limit came before the end.
+  bool sweep() {
     ++sweeps_;
     for (std::size_t c = 0; c < parts_.size(); ++c) {
-      Part& part = parts_[c];
       const auto& component = plan_.components[c];
       if (!component.queried) continue;  // its first world is all that is needed of it
       if (component.cover.whole) {
-        part.blocks[0].draw(world_, rng_);
-        continue;
-      }
-      if (part.slice && (component.jump || sweeps_ % part.slice_every == 0)) part.slice->step(world_, rng_);
-      for (VariableId v : component.variables) {
-        if (!part.groups->covers(v)) gibbs_step(world_, v, rng_, false, scratch_);
-      }
-      part.groups->sweep(world_, rng_);
-      if (part.blocks.empty()) continue;
-      // A block is drawn once its cost has been saved up.
-      for (part.credit += part.block_budget; part.credit >= part.blocks[part.next_block].cost();) {
-        JointBlock& block = part.blocks[part.next_block];
-        block.draw(world_, rng_);
-        part.credit -= block.cost();
-        part.next_block = (part.next_block + 1) % part.blocks.size();
+        component.cover.blocks[0].draw(world_, rng_, blocks_);
+        if (out_of_time(component.variables.size())) return false;
+      } else if (!move(component, parts_[c])) {
+        return false;
       }
     }
     plan_.defined.draw(world_, rng_);
+    return true;
   }
 
-  World& world() { return world_; }
+  const World& world() const { return world_; }
 
  private:
   struct Part {
-    std::vector<JointBlock> blocks;
-    std::unique_ptr<SliceStep> slice;
-    std::unique_ptr<GroupMoves> groups;
     std::size_t next_block = 0;
-    std::uint32_t slice_every = 1;
-    double block_budget = 0.0;  // table entries a sweep
     double credit = 0.0;
   };
-  // Table entries of joint draws for each use of an atom in a sweep: where at-most-one groups move as a whole, joint draws add little.
-  static constexpr double kBlockShare = 1.0;
-  static constexpr double kBlockShareOfGroups = 0.25;
-  // A slice step costs several sweeps: it comes every few of them, less often where groups move as a whole, but every time where only
-  // its jumps lead everywhere.
-  static constexpr std::uint32_t kSliceEvery = 4;
-  static constexpr std::uint32_t kSliceEveryOfGroups = 16;
+
+  // Whether to end, asked once for every few variables.
+  bool out_of_time(std::size_t variables) {
+    if ((since_check_ += variables) < kVariablesPerStopCheck) return false;
+    since_check_ = 0;
+    return stop_.reached();
+  }
+
+  bool move(const Plan::Component& component, Part& part) {
+    if (component.slice && (component.jump || sweeps_ % component.slice_every == 0))
+      component.slice->step(world_, rng_, slice_, &stop_);
+    for (VariableId v : component.single) {
+      gibbs_step(world_, v, rng_, false, weights_);
+      if (out_of_time(1)) return false;
+    }
+    component.groups->sweep(world_, rng_, groups_, &stop_);
+    const std::vector<JointBlock>& blocks = component.cover.blocks;
+    if (!blocks.empty()) part.credit += component.block_budget;
+    // A block is drawn once its cost has been saved up.
+    while (!blocks.empty() && part.credit >= blocks[part.next_block].cost()) {
+      const JointBlock& block = blocks[part.next_block];
+      block.draw(world_, rng_, blocks_);
+      part.credit -= block.cost();
+      part.next_block = (part.next_block + 1) % blocks.size();
+      if (out_of_time(block.variables().size())) return false;
+    }
+    return !out_of_time(component.variables.size());
+  }
 
   // Chains 0 and 1 (2 and 3, ...) start from opposite values; the first pair from all false and all true.
   void scatter() {
@@ -234,13 +286,17 @@ class Chain {
   }
 
   const Plan& plan_;
+  const StopCondition& stop_;
   World world_;
   Rng rng_;
   std::uint32_t number_;
-  Kernel kernel_;
   std::vector<Part> parts_;
-  std::vector<double> scratch_;
+  JointBlock::Workspace blocks_;
+  SliceStep::Scratch slice_;
+  GroupMoves::Scratch groups_;
+  std::vector<double> weights_;
   std::uint32_t sweeps_ = 0;
+  std::size_t since_check_ = 0;
 };
 
 // How many draws each chain keeps (all together as many as were asked for), and every which of them goes to the diagnostics.
@@ -259,7 +315,7 @@ Schedule make_schedule(const InferenceOptions& options, std::size_t queries) {
   schedule.draws = options.samples / schedule.chains;
   schedule.longer = options.samples % schedule.chains;
   const std::size_t budget = std::min(kRecordBytes, options.max_memory / 4);
-  const double bytes = static_cast<double>(queries) * options.samples / 8.0;
+  const double bytes = static_cast<double>(queries) * options.chains * (schedule.draws / 8.0);
   schedule.thin = static_cast<std::uint32_t>(
       std::max(1.0, std::ceil(bytes / static_cast<double>(std::max<std::size_t>(budget, 1)))));
   return schedule;
@@ -267,32 +323,34 @@ Schedule make_schedule(const InferenceOptions& options, std::size_t queries) {
 
 struct ChainRecord {
   std::unique_ptr<BinaryRecorder> recorder;
-  std::vector<std::uint32_t> counts;  // true draws by query
+  std::vector<std::uint32_t> counts;  // true draws by query, where not every draw goes to the recorder
   std::uint32_t draws = 0;
   std::size_t failed_component = 0;
 };
 
-void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, std::uint32_t number,
-               const Schedule& schedule, std::atomic<std::uint64_t>& done, ChainRecord& record) {
-  Chain chain(plan, context.options, kernel, number);
-  record.counts.assign(plan.queries.size(), 0);
-  const std::uint32_t draws = schedule.draws_of(number);
-  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), draws / schedule.thin + 1);
-  record.failed_component = chain.start(context.stop);
+void record_draw(const Plan& plan, const World& world, std::uint32_t thin, ChainRecord& record) {
+  const bool keep = record.draws % thin == 0;
+  for (std::size_t q = 0; q < plan.query_literals.size(); ++q) {
+    const bool value = world.is_true(plan.query_literals[q]);
+    if (keep) record.recorder->record(q, value);
+    if (thin > 1) record.counts[q] += value ? 1u : 0u;
+  }
+  if (keep) record.recorder->next_draw();
+  ++record.draws;
+}
+
+void run_chain(const Plan& plan, const MethodContext& context, std::uint32_t number, const Schedule& schedule,
+               std::atomic<std::uint64_t>& done, ChainRecord& record) {
+  if (context.stop.reached()) return;
+  Chain chain(plan, context.options, number, context.stop);
+  record.failed_component = chain.start();
   if (record.failed_component != 0) return;
-  const std::uint64_t total = std::uint64_t{context.options.burn_in} + draws;
-  for (std::uint64_t i = 0; i < total && !context.stop.reached(); ++i) {
-    chain.sweep();
-    if (i >= context.options.burn_in) {
-      const bool keep = record.draws % schedule.thin == 0;
-      for (std::size_t q = 0; q < plan.queries.size(); ++q) {
-        const bool value = chain.world().is_true(plan.network.queries()[plan.queries[q]].literal);
-        record.counts[q] += value ? 1u : 0u;
-        if (keep) record.recorder->record(q, value);
-      }
-      if (keep) record.recorder->next_draw();
-      ++record.draws;
-    }
+  if (schedule.thin > 1) record.counts.assign(plan.queries.size(), 0);
+  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), schedule.draws / schedule.thin + 1);
+  const std::uint32_t total = context.options.burn_in + schedule.draws;
+  for (std::uint32_t i = 0; i < total && !context.stop.reached(); ++i) {
+    if (!chain.sweep()) break;
+    if (i >= context.options.burn_in) record_draw(plan, chain.world(), schedule.thin, record);
     const std::uint64_t so_far = ++done;
     if ((so_far & 63u) == 0) {
       context.stop.monitor().progress("sampling", static_cast<double>(so_far),
@@ -300,6 +358,25 @@ void run_chain(const Plan& plan, const MethodContext& context, Kernel kernel, st
     }
   }
   record.recorder->finish();
+}
+
+// Calls work(i) for i = 0..count-1 on so many threads; false where memory ran out.
+template <class Work>
+bool in_parallel(std::size_t count, std::uint32_t threads, Work&& work) {
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> out_of_memory{false};
+  const auto loop = [&] {
+    try {
+      for (std::size_t i = next++; i < count; i = next++) work(i);
+    } catch (const std::bad_alloc&) {
+      out_of_memory = true;
+    }
+  };
+  std::vector<std::jthread> pool;
+  for (std::uint32_t t = 1; t < threads && t < count; ++t) pool.emplace_back(loop);
+  loop();
+  pool.clear();
+  return !out_of_memory;
 }
 
 // Nobody found a world: either there is none, and then propagation or search can say why, or it is only hard to find.
@@ -324,23 +401,30 @@ MethodResult explain_failure(const MethodContext& context) {
   return result;
 }
 
-void summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records, std::vector<Marginal>& marginals) {
+bool summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records, std::uint32_t threads,
+                       const StopCondition& stop, std::vector<Marginal>& marginals) {
   for (std::uint32_t q : plan.decided) {
     marginals[q].probability = plan.network.queries()[q].literal == Literal::constant(true) ? 1.0 : 0.0;
   }
   std::uint32_t kept = UINT32_MAX;
   for (const ChainRecord& r : records) kept = std::min(kept, r.recorder->draws());
-  for (std::size_t q = 0; q < plan.queries.size(); ++q) {
+  const std::size_t parts = (plan.queries.size() + kQueriesPerPart - 1) / kQueriesPerPart;
+  return in_parallel(parts, threads, [&](std::size_t part) {
+    // Out of time, or of patience: the quick summary.
+    const bool quick = stop.reached();
     std::vector<std::span<const std::uint64_t>> chains;
-    double count = 0.0, draws = 0.0;
-    for (const ChainRecord& r : records) {
-      chains.push_back(r.recorder->of(q));
-      count += r.counts[q];
-      draws += r.draws;
+    for (std::size_t q = part * kQueriesPerPart; q < std::min(plan.queries.size(), (part + 1) * kQueriesPerPart); ++q) {
+      chains.clear();
+      double count = 0.0, draws = 0.0;
+      for (const ChainRecord& r : records) {
+        chains.push_back(r.recorder->of(q));
+        count += r.counts.empty() ? r.recorder->count(q) : r.counts[q];
+        draws += r.draws;
+      }
+      const BinarySummary summary = summarize(chains, kept, quick);
+      marginals[plan.queries[q]] = {draws > 0.0 ? count / draws : 0.0, summary.mcse, summary.ess, summary.rhat};
     }
-    const BinarySummary summary = summarize(chains, kept);
-    marginals[plan.queries[q]] = {draws > 0.0 ? count / draws : 0.0, summary.mcse, summary.ess, summary.rhat};
-  }
+  });
 }
 
 }  // namespace
@@ -351,12 +435,22 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
   result.marginals.assign(context.network.queries().size(),
                           Marginal{std::numeric_limits<double>::quiet_NaN(), {}, {}, {}});
   if (context.components.empty()) return result;
+  const auto stopped = [&] {
+    result.termination = context.stop.reached() ? context.stop.reason() : Termination::kTimeLimit;
+    result.message = "stopped before the first draw";
+    return std::move(result);
+  };
   if (kernel == Kernel::kGibbs) {
-    for (ComponentId c : context.components) {
-      if (context.network.component_constraints(c).empty() || single_moves_reach_every_world(context.network, c))
-        continue;
+    ErgodicityBudget budget;
+    budget.stop = &context.stop;
+    const auto locked = std::ranges::find_if(context.components, [&](ComponentId c) {
+      return !context.network.component_constraints(c).empty() &&
+             !single_moves_reach_every_world(context.network, c, budget);
+    });
+    if (context.stop.reached()) return stopped();
+    if (locked != context.components.end()) {
       result.termination = Termination::kRefused;
-      const Constraint& example = context.network.constraints()[context.network.component_constraints(c).front()];
+      const Constraint& example = context.network.constraints()[context.network.component_constraints(*locked).front()];
       result.message = fmt::format(
           "gibbs cannot reach every possible world by changing one variable at a time, because of hard formulas such "
           "as '{}'; "
@@ -365,47 +459,45 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
       return result;
     }
   }
-  const Plan plan = make_plan(context, kernel);
-  if (!plan.possible) {
+  const std::unique_ptr<const Plan> plan = make_plan(context, kernel);
+  if (!plan->possible) {
     MethodResult failure = explain_failure(context);
     failure.marginals = std::move(result.marginals);
     return failure;
   }
-  const Schedule schedule = make_schedule(context.options, plan.queries.size());
-  std::vector<ChainRecord> records(schedule.chains);
-  std::atomic<std::uint32_t> next{0};
+  if (plan->stopped) return stopped();
+  const Schedule schedule = make_schedule(context.options, plan->queries.size());
+  std::vector<ChainRecord> records(context.options.chains);
   std::atomic<std::uint64_t> done{0};
-  const auto work = [&] {
-    for (std::uint32_t c = next++; c < records.size(); c = next++)
-      run_chain(plan, context, kernel, c, schedule, done, records[c]);
-  };
   const std::uint32_t hardware = std::max(1u, std::thread::hardware_concurrency());
-  const std::uint32_t threads =
-      std::min(context.options.threads == 0 ? hardware : context.options.threads, schedule.chains);
-  run_on_threads(threads, work);
-
+  const std::uint32_t threads = context.options.threads == 0 ? hardware : context.options.threads;
+  const auto memory_ran_out = [&] {
+    result.termination = Termination::kMemoryLimit;
+    result.message = "memory ran out while sampling";
+    return std::move(result);
+  };
+  const bool enough = in_parallel(records.size(), threads, [&](std::size_t c) {
+    run_chain(*plan, context, static_cast<std::uint32_t>(c), schedule, done, records[c]);
+  });
+  if (!enough) return memory_ran_out();
   // A limit may have kept some chains from starting: those that have draws speak.
   const auto failed = std::ranges::count_if(records, [](const ChainRecord& r) { return r.failed_component != 0; });
   std::erase_if(records, [](const ChainRecord& r) { return r.draws == 0; });
-  if (records.empty() && failed > 0) {
+  if (records.empty() && failed && !context.stop.reached()) {
     MethodResult failure = explain_failure(context);
     failure.marginals = std::move(result.marginals);
     return failure;
   }
-  if (records.empty()) {
-    result.termination = context.stop.reached() ? context.stop.reason() : Termination::kTimeLimit;
-    result.message = "stopped before the first draw";
-    return result;
-  }
-  summarize_queries(plan, records, result.marginals);
-  for (const ChainRecord& r : records) result.samples += r.draws;
-  if (context.stop.reached() && result.samples < context.options.samples) {
-    result.termination = context.stop.reason();
-    result.message = fmt::format("stopped after {} of {} draws", result.samples, context.options.samples);
-  } else if (failed > 0) {
-    result.warnings.push_back(
-        fmt::format("{} of {} chains found no first world that meets the hard formulas: {} of {} draws were kept",
-                    failed, schedule.chains, result.samples, context.options.samples));
+  if (records.empty()) return stopped();
+  if (!summarize_queries(*plan, records, threads, context.stop, result.marginals)) return memory_ran_out();
+  if (context.stop.reached()) {
+    std::uint64_t draws = 0;
+    for (const ChainRecord& r : records) draws += r.draws;
+    if (draws < std::uint64_t{schedule.draws} * context.options.chains) {
+      result.termination = context.stop.reason();
+      result.message =
+          fmt::format("stopped after {} of {} draws", draws, std::uint64_t{schedule.draws} * context.options.chains);
+    }
   }
   return result;
 }

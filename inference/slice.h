@@ -10,7 +10,8 @@
 //           however small or large the group; nothing is biased by a search that prefers some solutions.
 //           Where hard formulas could lock such moves in, SampleSAT (sample_sat.h) jumps first.
 // Source    Poon & Domingos, AAAI 2006, Alg. 1; we differ in the sub-solver, and in whole formulas instead of clauses.
-// Cost      O(weighted nodes + occurrences of the variables that move) time and memory.
+// Cost      O(weighted nodes + occurrences of the variables that move) time and memory; set up in the size of what is above the
+//           variables, not of the network.
 #pragma once
 
 #include <cstdint>
@@ -19,21 +20,37 @@
 
 #include "inference/rng.h"
 #include "inference/world.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
 class SliceStep {
  public:
-  // `variables`: those that may move. With `jump`: SampleSAT from a random world before the uniform moves.
-  SliceStep(const WorldIndex& index, std::span<const VariableId> variables, bool jump);
+  // What a step writes to; one for all components of a chain.
+  struct Scratch {
+    std::vector<std::uint32_t> demanded;        // nodes, to be released again
+    std::vector<std::uint32_t> active;          // gates whose demand still leaves a choice
+    std::vector<std::uint32_t> parent;          // union-find over the variables
+    std::vector<std::uint32_t> constraints_of;  // active gates in each group, by root
+    std::vector<std::uint32_t> members, group_start, old_values, stack;
+    std::vector<double> weights;
+  };
 
-  void step(World& world, Rng& rng);
+  // `variables`: those that may move, all of one component or of several. `numbers`: see number_within(); outlives the step. With
+  // `jump`: SampleSAT from a random world before the uniform moves.
+  SliceStep(const WorldIndex& index, std::span<const VariableId> variables, std::span<const std::uint32_t> numbers,
+            bool jump);
+
+  // Leaves the distribution as it is; cut short by `stop`, the world meets the hard formulas still.
+  void step(World& world, Rng& rng, Scratch& scratch, const StopCondition* stop = nullptr) const;
 
  private:
-  void choose(World& world, Rng& rng);
-  void group(const World& world);
-  void draw_group(World& world, Rng& rng, std::span<const std::uint32_t> members, bool constrained);
-  std::uint32_t root(std::uint32_t v);
+  void choose(World& world, Rng& rng, Scratch& scratch) const;
+  void jump_away(World& world, Rng& rng, Scratch& scratch, const StopCondition* stop) const;
+  void group(const World& world, Scratch& scratch) const;
+  void join_below(std::uint32_t gate, Scratch& scratch) const;
+  void draw_group(World& world, Rng& rng, Scratch& scratch, std::span<const std::uint32_t> members,
+                  bool constrained) const;
 
   struct WeightedNode {
     std::uint32_t node;
@@ -43,17 +60,10 @@ class SliceStep {
 
   const WorldIndex* index_;
   std::vector<VariableId> variables_;
-  std::vector<std::uint32_t> local_;  // by variable of the network, or kOutside
+  std::span<const std::uint32_t> numbers_;
   std::vector<WeightedNode> weighted_;
   std::vector<std::uint32_t> hard_gates_;
   bool jump_;
-  // Of the current slice.
-  std::vector<std::uint32_t> demanded_;      // nodes, to be released again
-  std::vector<std::uint32_t> active_;        // gates whose demand still leaves a choice
-  std::vector<std::uint32_t> parent_;        // union-find over variables_
-  std::vector<std::uint32_t> constraints_of_;  // active gates in each group, by root
-  std::vector<std::uint32_t> members_, group_start_, old_values_;
-  std::vector<double> scratch_;
 };
 
 }  // namespace sherlog

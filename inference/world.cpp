@@ -46,9 +46,9 @@ WorldIndex::WorldIndex(const GroundNetwork& network, std::span<const double> ato
     while (tree && !stack.empty()) {
       const std::uint32_t top = stack.back();
       stack.pop_back();
-      if (++steps > kLongestClimb) tree = false;
       for (const Use& use : uses(top)) {
-        if (seen_by[use.gate] == a) tree = false;
+        if (++steps > kLongestClimb || seen_by[use.gate] == a) tree = false;
+        if (!tree) break;
         seen_by[use.gate] = a;
         stack.push_back(gate_node(use.gate));
       }
@@ -68,6 +68,12 @@ void WorldIndex::sort_uses() {
     telling_[node] = static_cast<std::uint32_t>(useful - begin);
     tells[node] = weight_[node] != 0.0 || demand_[node] != 0 || useful != begin;
   }
+}
+
+std::vector<std::uint32_t> number_within(const GroundNetwork& network, std::span<const VariableId> variables) {
+  std::vector<std::uint32_t> numbers(network.variable_count(), kNoNumber);
+  for (std::uint32_t i = 0; i < variables.size(); ++i) numbers[variables[i].index()] = i;
+  return numbers;
 }
 
 World::World(const WorldIndex& index) : index_(&index) {
@@ -97,7 +103,8 @@ void World::assign(std::span<const std::uint32_t> values) {
   }
   for (std::size_t g = 0; g < network.gate_count(); ++g) {
     for (Literal input : network.gate_inputs(GateId(g))) count_[g] += is_true(input) ? 1u : 0u;
-    truth_[index_->gate_node(static_cast<std::uint32_t>(g))] = gate_truth(network.gate_kind(GateId(g)), count_[g]) ? 1 : 0;
+    truth_[index_->gate_node(static_cast<std::uint32_t>(g))] =
+        gate_truth(network.gate_kind(GateId(g)), count_[g]) ? 1 : 0;
   }
   score_ = 0.0;
   for (std::uint32_t i = 0; i < index_->node_count(); ++i) {
@@ -108,7 +115,8 @@ void World::assign(std::span<const std::uint32_t> values) {
 
 void World::update_broken(std::uint32_t node) {
   const int demand = demand_[node];
-  const bool is_broken = demand != 0 && (demand == WorldIndex::kImpossibleDemand || (truth_[node] != 0) != (demand > 0));
+  const bool is_broken =
+      demand != 0 && (demand == WorldIndex::kImpossibleDemand || (truth_[node] != 0) != (demand > 0));
   const std::uint32_t position = broken_position_[node];
   if (is_broken == (position != kNotBroken)) return;
   if (is_broken) {

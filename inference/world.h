@@ -38,7 +38,9 @@ class WorldIndex {
     return {uses_.data() + use_start_[node], use_start_[node + 1] - use_start_[node]};
   }
   // Those of them that lead to a weight or a demand, gates with a demand of their own first: all that a change can affect.
-  std::span<const Use> telling_uses(std::uint32_t node) const { return {uses_.data() + use_start_[node], telling_[node]}; }
+  std::span<const Use> telling_uses(std::uint32_t node) const {
+    return {uses_.data() + use_start_[node], telling_[node]};
+  }
   // Sum of the weights of the features on this node; added where it is true.
   double weight(std::uint32_t node) const { return weight_[node]; }
   // Takes the node's weight and demand away, for a sampler that accounts for them itself.
@@ -64,6 +66,11 @@ class WorldIndex {
   std::vector<std::int8_t> demand_;
   std::vector<bool> climbs_as_tree_;
 };
+
+// The place of each variable of the network within the list, kNoNumber for others. One array does for all components of a network,
+// each variable numbered within its own: what is below a gate never leaves a component.
+std::vector<std::uint32_t> number_within(const GroundNetwork& network, std::span<const VariableId> variables);
+inline constexpr std::uint32_t kNoNumber = 0xffffffffu;
 
 class World {
  public:
@@ -113,10 +120,10 @@ class World {
 
   const WorldIndex* index_;
   std::vector<std::uint32_t> values_;
-  std::vector<std::uint8_t> truth_;     // by node
-  std::vector<std::uint32_t> count_;    // true inputs, by gate
-  std::vector<std::int8_t> demand_;     // by node
-  std::vector<std::uint32_t> broken_;   // nodes
+  std::vector<std::uint8_t> truth_;             // by node
+  std::vector<std::uint32_t> count_;            // true inputs, by gate
+  std::vector<std::int8_t> demand_;             // by node
+  std::vector<std::uint32_t> broken_;           // nodes
   std::vector<std::uint32_t> broken_position_;  // by node, kNotBroken where met
   double score_ = 0.0;
 };

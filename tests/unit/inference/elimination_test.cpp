@@ -211,6 +211,30 @@ TEST(Elimination, StopsWhenAsked) {
   EXPECT_EQ(max_sum(tree_of(c), c.tables, stop).termination, Termination::kInterrupted);
 }
 
+// A plan with one filling.
+struct Filling {
+  EliminationPlan plan;
+  EliminationPlan::Contents contents;
+  EliminationPlan::Scratch scratch;
+
+  Filling(std::vector<std::uint32_t> cardinalities, std::vector<std::vector<std::uint32_t>> scopes)
+      : plan(std::move(cardinalities), std::move(scopes)) {
+    plan.make_room(contents, scratch);
+  }
+  std::span<double> table(std::size_t t) { return plan.table(contents, t); }
+  bool prepare() { return plan.prepare(contents, scratch); }
+  void sample(Rng& rng, std::span<std::uint32_t> values) { plan.sample(contents, scratch, rng, values); }
+  bool draw(Rng& rng, std::span<std::uint32_t> values) {
+    if (!prepare()) return false;
+    sample(rng, values);
+    return true;
+  }
+  double log_partition() const { return contents.log_partition; }
+  double log_probability(std::span<const std::uint32_t> values) {
+    return plan.log_probability(contents, scratch, values);
+  }
+};
+
 TEST(EliminationPlan, DrawsWithTheProbabilityOfTheProduct) {
   // Every assignment's frequency in 20,000 draws is within five standard errors of its probability.
   constexpr int kDraws = 20000;
@@ -218,7 +242,7 @@ TEST(EliminationPlan, DrawsWithTheProbabilityOfTheProduct) {
     SCOPED_TRACE(seed);
     const Case c = random_case(seed, 1.5);
     const Enumerated expected = enumerate(c);
-    EliminationPlan plan(c.cardinalities, c.scopes);
+    Filling plan(c.cardinalities, c.scopes);
     for (std::size_t t = 0; t < c.tables.size(); ++t) {
       const auto table = plan.table(t);
       ASSERT_EQ(table.size(), c.tables[t].size());
@@ -255,7 +279,7 @@ TEST(EliminationPlan, DrawsWithTheProbabilityOfTheProduct) {
 }
 
 TEST(EliminationPlan, CanBeRefilled) {
-  EliminationPlan plan({2}, {{0}});
+  Filling plan({2}, {{0}});
   Rng rng(1, 1);
   std::vector<std::uint32_t> values(1);
   for (const std::uint32_t only : {0u, 1u, 0u}) {
@@ -272,7 +296,7 @@ TEST(EliminationPlan, CanBeRefilled) {
 TEST(EliminationPlan, SurvivesProductsBelowTheSmallestDouble) {
   // Ten tables of (e^-100, e^-101): their product is far below 1e-308; the odds are e^10.
   std::vector<std::vector<std::uint32_t>> scopes(10, std::vector<std::uint32_t>{0});
-  EliminationPlan plan({2}, scopes);
+  Filling plan({2}, scopes);
   for (std::size_t t = 0; t < 10; ++t) {
     plan.table(t)[0] = std::exp(-100.0);
     plan.table(t)[1] = std::exp(-101.0);
@@ -294,9 +318,9 @@ TEST(EliminationPlan, KnowsItsCostBeforeItTakesMemory) {
   for (std::uint32_t a = 0; a < 40; ++a) {
     for (std::uint32_t b = 0; b < a; ++b) scopes.push_back({a, b});
   }
-  EliminationPlan clique(std::vector<std::uint32_t>(40, 2), scopes);
-  EXPECT_EQ(clique.cost(), kInfinity);
-  EXPECT_DOUBLE_EQ(clique.largest_log2(), 40.0);
+  Filling clique(std::vector<std::uint32_t>(40, 2), scopes);
+  EXPECT_EQ(clique.plan.cost(), kInfinity);
+  EXPECT_DOUBLE_EQ(clique.plan.largest_log2(), 40.0);
   EXPECT_FALSE(clique.prepare());
 }
 

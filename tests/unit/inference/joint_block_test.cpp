@@ -71,9 +71,10 @@ TEST(JointBlock, DrawsFromTheConditionalDistributionOnRandomNetworks) {
       if (rng.coin()) moving.emplace_back(v);
     }
     if (moving.empty() || moving.size() > 4) continue;
+    JointBlock::Workspace workspace;
     auto block = JointBlock::make(index, moving, 1e6);
     ASSERT_TRUE(block.has_value());
-    expect_conditional(network, world, moving, [&] { ASSERT_TRUE(block->draw(world, rng)); });
+    expect_conditional(network, world, moving, [&] { ASSERT_TRUE(block->draw(world, rng, workspace)); });
     ++drawn;
   }
   EXPECT_GT(drawn, 15);
@@ -113,10 +114,11 @@ TEST(JointBlock, CutsLongGatesIntoChains) {
   Rng rng(10, 0);
   std::vector<VariableId> everything;
   for (std::uint32_t v = 0; v < network.variable_count(); ++v) everything.emplace_back(v);
+  JointBlock::Workspace workspace;
   auto block = JointBlock::make(index, everything, 4096);
   ASSERT_TRUE(block.has_value());
   EXPECT_TRUE(block->self_contained());
-  expect_conditional(network, world, everything, [&] { ASSERT_TRUE(block->draw(world, rng)); });
+  expect_conditional(network, world, everything, [&] { ASSERT_TRUE(block->draw(world, rng, workspace)); });
   // Half of it, with one of the others true: then none of these may be.
   world.set(VariableId(0), 0);
   for (std::uint32_t v = 1; v < 12; ++v) world.set(VariableId(v), 1);
@@ -124,14 +126,17 @@ TEST(JointBlock, CutsLongGatesIntoChains) {
   auto part = JointBlock::make(index, half, 4096);
   ASSERT_TRUE(part.has_value());
   EXPECT_FALSE(part->self_contained());
-  expect_conditional(network, world, half, [&] { ASSERT_TRUE(part->draw(world, rng)); });
+  expect_conditional(network, world, half, [&] { ASSERT_TRUE(part->draw(world, rng, workspace)); });
 }
 
 // The inner equivalence is read through by the first formula and gets a variable of its own for the second, wide one.
 TEST(JointBlock, AFormulaSharedByANarrowAndAWideOneIsReadRightByBoth) {
   NetworkBuilder builder;
-  const auto value = [&](VariableId v, std::uint32_t i) { return Literal::atom(AtomId(builder.first_atom(v).value + i)); };
-  const VariableId x = builder.add_anonymous(3, false), y = builder.add_anonymous(4, false), z = builder.add_anonymous(4, true);
+  const auto value = [&](VariableId v, std::uint32_t i) {
+    return Literal::atom(AtomId(builder.first_atom(v).value + i));
+  };
+  const VariableId x = builder.add_anonymous(3, false), y = builder.add_anonymous(4, false),
+                   z = builder.add_anonymous(4, true);
   const Literal b = Literal::atom(builder.first_atom(builder.add_boolean()));
   const Literal c = Literal::atom(builder.first_atom(builder.add_boolean()));
   const WeightId weight = builder.add_weight({FormulaId(0), {}, 1.0});
@@ -146,9 +151,10 @@ TEST(JointBlock, AFormulaSharedByANarrowAndAWideOneIsReadRightByBoth) {
   Rng rng(11, 0);
   std::vector<VariableId> everything;
   for (std::uint32_t v = 0; v < network.variable_count(); ++v) everything.emplace_back(v);
+  JointBlock::Workspace workspace;
   auto block = JointBlock::make(index, everything, 1e5);
   ASSERT_TRUE(block.has_value());
-  expect_conditional(network, world, everything, [&] { ASSERT_TRUE(block->draw(world, rng)); });
+  expect_conditional(network, world, everything, [&] { ASSERT_TRUE(block->draw(world, rng, workspace)); });
 }
 
 TEST(BlockCover, CoversEveryVariableOfAWideComponent) {
@@ -167,7 +173,8 @@ TEST(BlockCover, CoversEveryVariableOfAWideComponent) {
   const WorldIndex index(network);
   Monitor monitor;
   const StopCondition stop(monitor);
-  const BlockCover cover = cover_component(index, network.component_variables(ComponentId(0)), 1, stop);
+  const auto variables = network.component_variables(ComponentId(0));
+  const BlockCover cover = cover_component(index, variables, number_within(network, variables), 1, stop);
   EXPECT_FALSE(cover.whole);
   std::vector<int> covered(side * side, 0);
   for (const JointBlock& block : cover.blocks) {

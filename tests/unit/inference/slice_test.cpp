@@ -24,7 +24,8 @@ TEST(SliceStep, LeavesTheDistributionUnchangedOnRandomNetworks) {
   std::mt19937_64 random(41);
   int tested = 0;
   for (int round = 0; round < 40; ++round) {
-    const GroundNetwork network = oracle::random_network(random, {.variables = 7, .constraints = static_cast<std::uint32_t>(round % 3)});
+    const GroundNetwork network =
+        oracle::random_network(random, {.variables = 7, .constraints = static_cast<std::uint32_t>(round % 3)});
     const oracle::Enumeration truth = oracle::enumerate(network);
     if (!truth.possible) continue;
     const WorldIndex index(network);
@@ -33,19 +34,23 @@ TEST(SliceStep, LeavesTheDistributionUnchangedOnRandomNetworks) {
     const std::vector<VariableId> variables = all_variables(network);
     auto exact = JointBlock::make(index, variables, 1e6);
     ASSERT_TRUE(exact.has_value());
-    SliceStep slice(index, variables, false);
+    const std::vector<std::uint32_t> numbers = number_within(network, variables);
+    const SliceStep slice(index, variables, numbers, false);
+    SliceStep::Scratch scratch;
+    JointBlock::Workspace workspace;
     const int draws = 4000;
     std::vector<double> seen(network.atom_count(), 0.0);
     for (int i = 0; i < draws; ++i) {
-      ASSERT_TRUE(exact->draw(world, rng));
-      slice.step(world, rng);
+      ASSERT_TRUE(exact->draw(world, rng, workspace));
+      slice.step(world, rng, scratch);
       ASSERT_TRUE(world.broken().empty());
       for (std::uint32_t a = 0; a < seen.size(); ++a) seen[a] += world.is_true(a) ? 1.0 : 0.0;
     }
     EXPECT_TRUE(world.check());
     for (std::size_t a = 0; a < seen.size(); ++a) {
       const double p = truth.atom_marginals[a];
-      EXPECT_NEAR(seen[a] / draws, p, 5.0 * std::sqrt(p * (1 - p) / draws) + 1e-9) << "round " << round << ", atom " << a;
+      EXPECT_NEAR(seen[a] / draws, p, 5.0 * std::sqrt(p * (1 - p) / draws) + 1e-9)
+          << "round " << round << ", atom " << a;
     }
     ++tested;
   }
@@ -86,11 +91,13 @@ TEST(SampleSat, TheSliceOfAThreeWorldModelIsUniform) {
   world.set(VariableId(0), 0);
   Rng rng(14, 0);
   const std::vector<VariableId> variables = all_variables(network);
-  SliceStep slice(index, variables, false);
+  const std::vector<std::uint32_t> numbers = number_within(network, variables);
+  const SliceStep slice(index, variables, numbers, false);
+  SliceStep::Scratch scratch;
   double both = 0.0;
   const int draws = 20000;
   for (int i = 0; i < draws; ++i) {
-    slice.step(world, rng);
+    slice.step(world, rng, scratch);
     both += world.is_true(x) && world.is_true(y) ? 1.0 : 0.0;
   }
   EXPECT_NEAR(both / draws, 1.0 / 3.0, 0.01);  // 3 standard errors of independent draws
@@ -131,8 +138,9 @@ TEST(Ergodicity, AgreesWithASearchOverAllWorlds) {
       }
     }
     bool claimed = true;
+    ErgodicityBudget budget;
     for (std::size_t c = 0; c < network.component_count(); ++c) {
-      claimed = claimed && single_moves_reach_every_world(network, ComponentId(c));
+      claimed = claimed && single_moves_reach_every_world(network, ComponentId(c), budget);
     }
     EXPECT_EQ(claimed, reached == worlds.size()) << "round " << round;
     ++(reached == worlds.size() ? connected_count : apart_count);
