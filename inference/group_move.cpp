@@ -65,7 +65,9 @@ void GroupMoves::find_groups(const WorldIndex& index, std::span<const VariableId
       members_.resize(begin);
       continue;
     }
-    groups_.push_back({g, begin, static_cast<std::uint32_t>(members_.size())});
+    Group group{g, begin, static_cast<std::uint32_t>(members_.size()), 0, 0};
+    find_places(index, group);
+    groups_.push_back(group);
     for (std::uint32_t m = begin; m < members_.size(); ++m) covered_.push_back(members_[m].variable);
   }
   std::ranges::sort(covered_);
@@ -99,6 +101,35 @@ bool GroupMoves::add_members(const WorldIndex& index, std::uint32_t gate) {
     members_.push_back(member);
   }
   return true;
+}
+
+// A demanded at-most-one gate over the member, but not over its escape: while it has a true input, the member would be a second.
+std::uint32_t GroupMoves::find_rival(const WorldIndex& index, const Member& member, std::uint32_t gate) const {
+  const GroundNetwork& network = index.network();
+  const std::uint32_t first = network.first_atom(member.variable).value;
+  for (const WorldIndex::Use& use : index.telling_uses(first + member.value)) {
+    const bool demanded =
+        network.gate_kind(GateId(use.gate)) == GateKind::kAtMostOne && index.demand(index.gate_node(use.gate)) == 1;
+    if (use.gate == gate || !demanded || use.negated) continue;
+    const bool escape_inside = member.escape < network.candidate_count(member.variable) &&
+                               std::ranges::any_of(index.uses(first + member.escape),
+                                                   [&](const WorldIndex::Use& u) { return u.gate == use.gate; });
+    if (!escape_inside) return use.gate;
+  }
+  return kNoRival;
+}
+
+void GroupMoves::find_places(const WorldIndex& index, Group& group) {
+  group.place_begin = static_cast<std::uint32_t>(places_.size());
+  for (std::uint32_t m = group.begin; m < group.end; ++m) {
+    const Member& member = members_[m];
+    const std::uint32_t rival = find_rival(index, member, group.gate);
+    const bool same = places_.size() > group.place_begin && places_.back().variable == member.variable &&
+                      places_.back().rival == rival;
+    if (!same) places_.push_back({member.variable, m, m, member.escape, rival});
+    places_.back().end = m + 1;
+  }
+  group.place_end = static_cast<std::uint32_t>(places_.size());
 }
 
 // All or nothing: a leaf that one member sums out and another does not would be summed wrongly.
@@ -160,57 +191,70 @@ double GroupMoves::leaf_sum(World& world, std::span<const std::uint32_t> leaves)
   return sum;
 }
 
-void GroupMoves::draw(World& world, Rng& rng, Scratch& scratch, const Group& group) const {
-  const std::span<const Member> members(members_.data() + group.begin, group.end - group.begin);
-  const GroundNetwork& network = world.index().network();
-  std::uint32_t current = static_cast<std::uint32_t>(members.size());
-  for (std::uint32_t i = 0; i < members.size() && world.true_inputs(group.gate) > 0; ++i) {
-    if (world.value(members[i].variable) == members[i].value) {
-      current = i;
-      break;
+// The number of the member that is true, group.end where none is.
+std::uint32_t GroupMoves::current_member(const World& world, const Group& group) const {
+  if (world.true_inputs(group.gate) == 0) return group.end;
+  for (const Place& place : std::span(places_).subspan(group.place_begin, group.place_end - group.place_begin)) {
+    const std::uint32_t value = world.value(place.variable);
+    if (value == place.escape) continue;
+    for (std::uint32_t m = place.begin; m < place.end; ++m) {
+      if (members_[m].value == value) return m;
     }
   }
+  return group.end;
+}
+
+// Adds the member to the choices where it is possible now that no member is true.
+void GroupMoves::try_member(World& world, Scratch& scratch, std::uint32_t number) const {
+  const Member& m = members_[number];
+  const auto leaves = leaves_of(m);
+  if (m.plain_escape) {
+    // The quick way, without a change.
+    const double change = world.peek(world.index().network().first_atom(m.variable).value + m.value);
+    if (change == World::kBreaks) return;
+    if (leaves.empty()) {
+      scratch.choices.push_back(number);
+      scratch.weights.push_back(change - m.escape_weight);
+      return;
+    }
+  }
+  const double before = leaf_sum(world, leaves);
+  const double change = world.set(m.variable, m.value);
+  if (world.broken().empty()) {
+    scratch.choices.push_back(number);
+    scratch.weights.push_back(change + leaf_sum(world, leaves) - before);
+  }
+  world.set(m.variable, m.escape);
+}
+
+void GroupMoves::draw(World& world, Rng& rng, Scratch& scratch, const Group& group) const {
+  const std::uint32_t current = current_member(world, group);
   // Everything is measured against "none of them": the current member steps aside first.
   scratch.choices.clear();
   scratch.weights.clear();
   scratch.own_leaves.clear();
   double stepped = 0.0, own_before = 0.0;
-  if (current < members.size()) {
-    const auto own = leaves_of(members[current]);
+  if (current < group.end) {
+    const auto own = leaves_of(members_[current]);
     scratch.own_leaves.assign(own.begin(), own.end());
     own_before = leaf_sum(world, own);
-    stepped = world.set(members[current].variable, members[current].escape);
+    stepped = world.set(members_[current].variable, members_[current].escape);
   }
   const bool none_possible = world.broken().empty();
-  if (current < members.size()) {
+  if (current < group.end) {
     scratch.choices.push_back(current);
     scratch.weights.push_back(-stepped + own_before - leaf_sum(world, scratch.own_leaves));
   }
-  if (none_possible || current == members.size()) {
-    scratch.choices.push_back(static_cast<std::uint32_t>(members.size()));
+  if (none_possible || current == group.end) {
+    scratch.choices.push_back(group.end);
     scratch.weights.push_back(0.0);
   }
-  for (std::uint32_t i = 0; i < members.size() && none_possible; ++i) {
-    if (i == current) continue;
-    const Member& m = members[i];
-    const auto leaves = leaves_of(m);
-    if (m.plain_escape) {
-      // The quick way: most places are taken, and that shows without a change.
-      const double change = world.peek(network.first_atom(m.variable).value + m.value);
-      if (change == World::kBreaks) continue;
-      if (leaves.empty()) {
-        scratch.choices.push_back(i);
-        scratch.weights.push_back(change - m.escape_weight);
-        continue;
-      }
+  for (std::uint32_t p = group.place_begin; p < group.place_end && none_possible; ++p) {
+    const Place& place = places_[p];
+    if (place.rival != kNoRival && world.true_inputs(place.rival) > 0) continue;
+    for (std::uint32_t m = place.begin; m < place.end; ++m) {
+      if (m != current) try_member(world, scratch, m);
     }
-    const double before = leaf_sum(world, leaves);
-    const double change = world.set(m.variable, m.value);
-    if (world.broken().empty()) {
-      scratch.choices.push_back(i);
-      scratch.weights.push_back(change + leaf_sum(world, leaves) - before);
-    }
-    world.set(m.variable, m.escape);
   }
   const double best = *std::ranges::max_element(scratch.weights);
   double total = 0.0;
@@ -219,17 +263,17 @@ void GroupMoves::draw(World& world, Rng& rng, Scratch& scratch, const Group& gro
   std::size_t chosen = 0;
   while (chosen + 1 < scratch.weights.size() && (u -= scratch.weights[chosen]) >= 0.0) ++chosen;
   const std::uint32_t pick = scratch.choices[chosen];
-  if (pick < members.size()) world.set(members[pick].variable, members[pick].value);
   // The leaves of old and new follow; those of others did not notice.
-  if (pick < members.size()) {
-    const auto leaves = leaves_of(members[pick]);
+  if (pick < group.end) {
+    world.set(members_[pick].variable, members_[pick].value);
+    const auto leaves = leaves_of(members_[pick]);
     scratch.own_leaves.insert(scratch.own_leaves.end(), leaves.begin(), leaves.end());
   }
   sort_unique(scratch.own_leaves);
   for (std::uint32_t atom : scratch.own_leaves) {
     const double change = world.peek(atom);
     if (rng.uniform() * (1.0 + std::exp(-change)) >= 1.0) continue;
-    const VariableId v = network.variable_of(AtomId(atom));
+    const VariableId v = world.index().network().variable_of(AtomId(atom));
     world.set(v, 1 - world.value(v));
   }
 }

@@ -7,7 +7,8 @@
 //           the rest they are independent of each other, so the sum is a product of 1 + exp(change of flipping it).
 // Source    Liu, JASA 89, 1994 (collapsing); the step is a Gibbs draw of (choice, leaves) given everything else.
 // Requires  Demands are those of the index and are met.
-// Cost      O(free members x (occurrences + leaves)) a draw; set up in the size of what is above the variables.
+//           Most members' other groups are taken; they are passed over by a look at one count, a variable at a time.
+// Cost      O(members + free members x (occurrences + leaves)) a draw; set up in the size of what is above the variables.
 #pragma once
 
 #include <algorithm>
@@ -47,16 +48,29 @@ class GroupMoves {
     bool plain_escape;  // leaving the escape value costs its own weight and nothing else
     double escape_weight;
   };
+  // Neighbouring members of one variable, none of which is possible while something in `rival` is true.
+  struct Place {
+    VariableId variable;
+    std::uint32_t begin, end;  // members
+    std::uint32_t escape;
+    std::uint32_t rival;  // another demanded at-most-one gate over all of them, or kNoRival
+  };
   struct Group {
     std::uint32_t gate;
     std::uint32_t begin, end;  // members
+    std::uint32_t place_begin, place_end;
   };
+  static constexpr std::uint32_t kNoRival = 0xffffffffu;
 
   void find_groups(const WorldIndex& index, std::span<const VariableId> variables);
   bool add_members(const WorldIndex& index, std::uint32_t gate);
+  std::uint32_t find_rival(const WorldIndex& index, const Member& member, std::uint32_t gate) const;
+  void find_places(const WorldIndex& index, Group& group);
   void forget_leaves();
   void find_leaves(const WorldIndex& index, std::span<const VariableId> variables);
   void draw(World& world, Rng& rng, Scratch& scratch, const Group& group) const;
+  std::uint32_t current_member(const World& world, const Group& group) const;
+  void try_member(World& world, Scratch& scratch, std::uint32_t number) const;
   // log of the sum over the leaves (each free to flip) of exp(score), relative to their current values.
   double leaf_sum(World& world, std::span<const std::uint32_t> leaves) const;
   std::span<const std::uint32_t> leaves_of(const Member& m) const {
@@ -65,6 +79,7 @@ class GroupMoves {
 
   std::vector<Group> groups_;
   std::vector<Member> members_;
+  std::vector<Place> places_;
   std::vector<std::uint32_t> leaves_;  // atoms, by member
   std::vector<VariableId> covered_;    // sorted
 };

@@ -30,6 +30,8 @@ constexpr std::size_t kRecordBytes = std::size_t{1} << 28;  // for draws kept fo
 constexpr std::uint64_t kStartFlips = 200;                  // of local search for a first world, for each variable
 constexpr int kStartTries = 20;
 constexpr std::uint64_t kConflictDecisions = 1000000;
+constexpr double kMostTimeForBurnIn =
+    0.3;  // of what a limit leaves; a run that needs more of it is marked as cut short
 constexpr std::size_t kQueriesPerPart = 64;  // of the work on diagnostics
 
 // What all chains share: read only once made.
@@ -51,6 +53,7 @@ struct Plan {
   std::vector<Literal> query_literals;  // likewise
   bool possible = true;                 // false: the rewriting met a contradiction
   bool stopped = false;                 // not complete: a limit was reached
+  bool independent = true;              // every component is drawn as a whole
   std::vector<std::uint32_t> decided;   // queries that the rewriting found to be constant
   std::vector<Component> components;
   std::vector<VariableId> variables;
@@ -120,6 +123,7 @@ void plan_component(const MethodContext& context, Kernel kernel, ComponentId c, 
   }
   part.cover = cover_component(*plan.index, part.variables, plan.numbers, context.options.seed, context.stop);
   if (!part.cover.whole) {
+    plan.independent = plan.independent && !part.queried;
     part.jump = kernel == Kernel::kMcSat && !n.component_constraints(c).empty() &&
                 !single_moves_reach_every_world(n, c, budget);
     plan_moves(plan, kernel, part);
@@ -326,6 +330,7 @@ struct ChainRecord {
   std::vector<std::uint32_t> counts;  // true draws by query, where not every draw goes to the recorder
   std::uint32_t draws = 0;
   std::size_t failed_component = 0;
+  bool hurried = false;  // the burn-in was cut short to have draws at all
 };
 
 void record_draw(const Plan& plan, const World& world, std::uint32_t thin, ChainRecord& record) {
@@ -347,10 +352,19 @@ void run_chain(const Plan& plan, const MethodContext& context, std::uint32_t num
   if (record.failed_component != 0) return;
   if (schedule.thin > 1) record.counts.assign(plan.queries.size(), 0);
   record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), schedule.draws / schedule.thin + 1);
-  const std::uint32_t total = context.options.burn_in + schedule.draws;
-  for (std::uint32_t i = 0; i < total && !context.stop.reached(); ++i) {
+  // Independent draws need no burn-in.
+  std::uint32_t burn_in = plan.independent ? 0 : context.options.burn_in;
+  const std::uint32_t total = burn_in + schedule.draws;
+  const double hurry =
+      context.stop.seconds() + kMostTimeForBurnIn * (context.stop.max_seconds() - context.stop.seconds());
+  for (std::uint32_t i = 0; i < burn_in + schedule.draws && !context.stop.reached(); ++i) {
     if (!chain.sweep()) break;
-    if (i >= context.options.burn_in) record_draw(plan, chain.world(), schedule.thin, record);
+    if (i >= burn_in) {
+      record_draw(plan, chain.world(), schedule.thin, record);
+    } else if (context.stop.seconds() > hurry) {
+      record.hurried = true;
+      burn_in = i + 1;
+    }
     const std::uint64_t so_far = ++done;
     if ((so_far & 63u) == 0) {
       context.stop.monitor().progress("sampling", static_cast<double>(so_far),
@@ -490,14 +504,15 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
   }
   if (records.empty()) return stopped();
   if (!summarize_queries(*plan, records, threads, context.stop, result.marginals)) return memory_ran_out();
-  if (context.stop.reached()) {
-    std::uint64_t draws = 0;
-    for (const ChainRecord& r : records) draws += r.draws;
-    if (draws < std::uint64_t{schedule.draws} * context.options.chains) {
-      result.termination = context.stop.reason();
-      result.message =
-          fmt::format("stopped after {} of {} draws", draws, std::uint64_t{schedule.draws} * context.options.chains);
-    }
+  std::uint64_t draws = 0;
+  for (const ChainRecord& r : records) draws += r.draws;
+  const std::uint64_t wanted = std::uint64_t{schedule.draws} * context.options.chains;
+  if (context.stop.reached() && draws < wanted) {
+    result.termination = context.stop.reason();
+    result.message = fmt::format("stopped after {} of {} draws", draws, wanted);
+  } else if (std::ranges::any_of(records, [](const ChainRecord& r) { return r.hurried; })) {
+    result.termination = Termination::kTimeLimit;
+    result.message = "the burn-in was cut short to keep the limit";
   }
   return result;
 }
