@@ -14,7 +14,7 @@
 
 #include "grounding/conflict.h"
 #include "grounding/contradiction.h"
-#include "grounding/join.h"
+#include "grounding/formula_joins.h"
 
 namespace sherlog {
 namespace {
@@ -299,7 +299,7 @@ class Grounder {
     return filters;
   }
 
-  bool affordable(const Formula& formula, const FormulaJoin& join) {
+  bool affordable(const Formula& formula, const FormulaJoins& join) {
     const double visits = join.expected_visits();
     std::vector<bool> used(model_.predicates().size(), false);
     mark_predicates(formula.root, used);
@@ -339,8 +339,8 @@ class Grounder {
     if (formula.unique.empty()) {
       std::erase_if(variables, [&](std::uint32_t v) { return !std::ranges::binary_search(part.free, v); });
     }
-    FormulaJoin join(std::move(part), formula, variables, order_of_groups(formula), true, atoms_, builder_,
-                     [this] { return keep_going(); });
+    FormulaJoins join = plan_joins(std::move(part), formula, variables, order_of_groups(formula), true, atoms_,
+                                   numbers_, builder_, [this] { return keep_going(); });
     if (!affordable(formula, join)) return false;
     std::vector<ConstantIndex> binding(outer.size());
     return join.run([&](const std::vector<ConstantIndex>& values, Literal literal) {
@@ -361,8 +361,8 @@ class Grounder {
     const bool disjunctive = root.shape == NodeShape::kOr || root.shape == NodeShape::kForall ||
                              ((root.shape == NodeShape::kAtom || root.shape == NodeShape::kEqual) && root.negated);
     const std::vector<std::uint32_t> outer = outer_variables(formula);
-    FormulaJoin join(std::move(root), formula, outer, order_of_groups(formula), disjunctive, atoms_, builder_,
-                     [this] { return keep_going(); });
+    FormulaJoins join = plan_joins(std::move(root), formula, outer, order_of_groups(formula), disjunctive, atoms_,
+                                   numbers_, builder_, [this] { return keep_going(); });
     if (!affordable(formula, join)) return false;
     std::vector<ConstantIndex> binding(outer.size());
     const bool finished = join.run([&](const std::vector<ConstantIndex>& values, Literal literal) {
@@ -375,7 +375,7 @@ class Grounder {
       builder_.add_feature(literal, formula.weight, weight_of(id, instances, values), binding);
       return true;
     });
-    if (disjunctive) {
+    if (join.disjunctive) {
       builder_.add_constant_score(formula.weight * (report.groundings - static_cast<double>(report.joined)));
     }
     return finished;

@@ -37,6 +37,22 @@ FormulaJoin::FormulaJoin(NormalNode root, const Formula& formula, const std::vec
   for (const NormalNode* goal : plan.goals) total_visits_ += plan.leaves * inner_visits(*goal);
 }
 
+FormulaJoin::FormulaJoin(NormalNode root, NormalNode implication, std::optional<NormalNode> other,
+                         const Formula& formula, const std::vector<std::uint32_t>& outer,
+                         std::vector<NormalNode> filters, AtomTable& atoms, NetworkBuilder& builder,
+                         KeepGoing keep_going)
+    : FormulaJoin(std::move(implication), formula, outer, std::move(filters), true, atoms, builder,
+                  std::move(keep_going)) {
+  equivalence_ = std::move(root);
+  other_ = std::move(other);
+  std::vector<bool> bound(formula.variables.size(), false);
+  for (std::uint32_t variable : outer) bound[variable] = true;
+  plan_inside(*equivalence_, bound);
+  // The goals are only looked at; what they quantify over is visited for the equivalence.
+  const JoinPlan& plan = *plans_.front();
+  total_visits_ = plan.visits + plan.leaves * inner_visits(*equivalence_);
+}
+
 // --- planning --------------------------------------------------------------------------------------------------------
 
 std::size_t FormulaJoin::make_plan(bool disjunctive, std::vector<NormalNode*> goals,
@@ -264,7 +280,14 @@ bool FormulaJoin::survives(JoinPlan& plan, std::uint32_t goal) {
   return decided == 2 || (decided == 1) != plan.disjunctive;
 }
 
+bool FormulaJoin::finish_equivalence(Literal& literal) {
+  if (other_ && decide(*other_) != 1) return false;
+  literal = evaluate(*equivalence_);
+  return true;
+}
+
 bool FormulaJoin::finish(JoinPlan& plan, Literal& literal) {
+  if (equivalence_ && &plan == plans_.front().get()) return finish_equivalence(literal);
   const Literal deciding = Literal::constant(plan.disjunctive);
   plan.literals.clear();
   for (std::size_t g = 0; g < plan.goals.size(); ++g) {

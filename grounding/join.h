@@ -7,13 +7,15 @@
 //           side by the other; variables that nothing generates run through their domain. The order is greedy: the
 //           generator with the fewest expected matches first. Every goal is tested as soon as its variables are bound,
 //           and what is left undecided at the end is the ground formula. Quantified subformulas are grounded the same
-//           way, inside. (Joins for grounding: Niu, Re, Doan & Shavlik, "Tuffy", VLDB 2011; ours run on indexes in
+//           way, inside. An equivalence at the top is true wherever both of its implications are: it is grounded where one
+//           of them is not decided true, found by the join for that one. (Joins for grounding: Niu, Re, Doan & Shavlik, "Tuffy", VLDB 2011; ours run on indexes in
 //           memory, three-valued, and whole formulas rather than clauses come out.)
 // Cost      one step for each partial binding that survives; nothing is allocated in the loops.
 #pragma once
 
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "grounding/normal_form.h"
 #include "mln/monitor.h"
@@ -62,6 +64,12 @@ class FormulaJoin {
   FormulaJoin(const FormulaJoin&) = delete;
   FormulaJoin& operator=(const FormulaJoin&) = delete;
 
+  // An equivalence `root` (shape kIff) is grounded where `implication`, one of the two that it consists of, is not true at a glance.
+  // `other`: the other one, where it had its turn already; assignments under which it is not true at a glance are left out.
+  FormulaJoin(NormalNode root, NormalNode implication, std::optional<NormalNode> other, const Formula& formula,
+              const std::vector<std::uint32_t>& outer, std::vector<NormalNode> filters, AtomTable& atoms,
+              NetworkBuilder& builder, KeepGoing keep_going);
+
   // Expected numbers of steps and of ground formulas.
   double expected_visits() const { return total_visits_; }
   double expected_leaves() const { return plans_.front()->leaves; }
@@ -102,6 +110,7 @@ class FormulaJoin {
   }
   // The ground formula; nothing where it turned out decided as unvisited ones are.
   bool finish(JoinPlan& plan, Literal& literal);
+  bool finish_equivalence(Literal& literal);
   Literal evaluate(NormalNode& node);
   Literal evaluate_quantifier(NormalNode& node);
   Literal evaluate_connective(NormalNode& node);
@@ -149,6 +158,7 @@ class FormulaJoin {
   }
 
   NormalNode root_;
+  std::optional<NormalNode> equivalence_, other_;  // of which root_ is an implication; the other implication
   std::vector<NormalNode> filters_;
   const Formula& formula_;
   AtomTable& atoms_;

@@ -95,6 +95,13 @@ class Normaliser {
     return constant(true);
   }
 
+  NormalNode disjunction(const FormulaNode& left, bool left_negated, const FormulaNode& right, bool right_negated) {
+    std::vector<NormalNode> children;
+    children.push_back(normalise(left, left_negated));
+    children.push_back(normalise(right, right_negated));
+    return combine(NodeShape::kOr, std::move(children));
+  }
+
  private:
   NormalNode atom(const FormulaNode& node, bool negated) {
     NormalNode result;
@@ -176,6 +183,20 @@ const std::vector<double>* ConstantNumbers::of(DomainId domain) {
 
 NormalNode normal_form(const Formula& formula, const AtomTable& atoms, ConstantNumbers& numbers) {
   return Normaliser(formula, atoms, numbers).normalise(formula.root, false);
+}
+
+std::optional<std::pair<NormalNode, NormalNode>> implications(const Formula& formula, const AtomTable& atoms,
+                                                              ConstantNumbers& numbers) {
+  const FormulaNode* root = &formula.root;
+  bool negated = false;
+  for (; root->kind == NodeKind::kNot; root = &root->children[0]) negated = !negated;
+  if (root->kind != NodeKind::kIff) return {};
+  // !(A <=> B) is A <=> !B.
+  Normaliser normaliser(formula, atoms, numbers);
+  NormalNode there = normaliser.disjunction(root->children[0], true, root->children[1], negated);
+  NormalNode back = normaliser.disjunction(root->children[0], false, root->children[1], !negated);
+  if (there.shape != NodeShape::kOr || back.shape != NodeShape::kOr) return {};
+  return std::pair(std::move(there), std::move(back));
 }
 
 NormalNode earlier(std::uint32_t left, std::uint32_t right) {

@@ -7,6 +7,8 @@
 //           weight.
 #pragma once
 
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "grounding/atom_table.h"
@@ -58,6 +60,10 @@ class ConstantNumbers {
 };
 
 NormalNode normal_form(const Formula& formula, const AtomTable& atoms, ConstantNumbers& numbers);
+// The two implications of a formula that is an equivalence or the negation of one at the top; nothing for others, or where one of them
+// is constant.
+std::optional<std::pair<NormalNode, NormalNode>> implications(const Formula& formula, const AtomTable& atoms,
+                                                              ConstantNumbers& numbers);
 // left comes before right in their domain.
 NormalNode earlier(std::uint32_t left, std::uint32_t right);
 

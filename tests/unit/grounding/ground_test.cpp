@@ -136,6 +136,25 @@ TEST(Grounding, TakesExistsOverAnEmptyDomainAsFalse) {
   EXPECT_DOUBLE_EQ(g.network().constant_score(), 4);
 }
 
+// 40 x 40 pairs, of which each side holds for three: only those, and what is asked, are looked at.
+TEST(Grounding, VisitsAnEquivalenceWhereOneOfItsImplicationsMayFail) {
+  std::string evidence = "P(A1,A2)\nP(A1,A3)\nP(A4,A5)\nQ(A1,A2)\nQ(A6,A7)\nQ(A8,A8)\n";
+  for (int i = 1; i <= 40; ++i) evidence += fmt::format("Named(A{})\n", i);
+  const std::string predicates = "P(t, t)\nQ(t, t)\nNamed(t)\nR(t, t)\n";
+  const Grounded soft = ground_text(predicates + "0.5 P(x, y) <=> Q(x, y)\n", evidence, {{"R(A1,A1)"}});
+  EXPECT_LT(soft.result.formulas[0].joined, 10u);
+  EXPECT_NEAR(soft.network().constant_score(), 0.5 * (1600 - 4), 1e-9);
+  const Grounded denied = ground_text(predicates + "0.5 !(P(x, y) <=> !Q(x, y))\n", evidence, {{"R(A1,A1)"}});
+  EXPECT_NEAR(denied.network().constant_score(), 0.5 * (1600 - 4), 1e-9);
+  // An open side: where the other one is true, and where it may be true itself.
+  const Grounded open = ground_text(predicates + "0.5 P(x, y) <=> (R(x, y) ^ x = A1)\n", evidence, {{"R(A1,?y)"}});
+  EXPECT_EQ(open.network().features().size(), 40u);
+  // 38 denied ones of R are worth a constant, P(A4,A5) alone is wrong for certain.
+  EXPECT_NEAR(open.network().constant_score(), 0.5 * (1600 - 1 - 40 + 38), 1e-9);
+  const Grounded hard = ground_text(predicates + "P(x, y) <=> Q(x, y).\n", evidence, {{"R(A1,A1)"}});
+  EXPECT_EQ(hard.result.termination, Termination::kNoPossibleWorld);
+}
+
 TEST(Grounding, IsTheSameWithHashTables) {
   const std::string model =
       "Friends(p, p)\nSmokes(p)\n1 Friends(x, y) ^ Smokes(x) => Smokes(y)\n2 Friends(x, y) <=> Friends(y, x)\n";
