@@ -319,7 +319,7 @@ Schedule make_schedule(const InferenceOptions& options, std::size_t queries) {
   schedule.draws = options.samples / schedule.chains;
   schedule.longer = options.samples % schedule.chains;
   const std::size_t budget = std::min(kRecordBytes, options.max_memory / 4);
-  const double bytes = static_cast<double>(queries) * options.chains * (schedule.draws / 8.0);
+  const double bytes = static_cast<double>(queries) * options.samples / 8.0;
   schedule.thin = static_cast<std::uint32_t>(
       std::max(1.0, std::ceil(bytes / static_cast<double>(std::max<std::size_t>(budget, 1)))));
   return schedule;
@@ -350,14 +350,15 @@ void run_chain(const Plan& plan, const MethodContext& context, std::uint32_t num
   Chain chain(plan, context.options, number, context.stop);
   record.failed_component = chain.start();
   if (record.failed_component != 0) return;
+  const std::uint32_t draws = schedule.draws_of(number);
   if (schedule.thin > 1) record.counts.assign(plan.queries.size(), 0);
-  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), schedule.draws / schedule.thin + 1);
+  record.recorder = std::make_unique<BinaryRecorder>(plan.queries.size(), draws / schedule.thin + 1);
   // Independent draws need no burn-in.
-  std::uint32_t burn_in = plan.independent ? 0 : context.options.burn_in;
-  const std::uint32_t total = burn_in + schedule.draws;
+  std::uint64_t burn_in = plan.independent ? 0 : context.options.burn_in;
+  const std::uint64_t total = burn_in + draws;
   const double hurry =
       context.stop.seconds() + kMostTimeForBurnIn * (context.stop.max_seconds() - context.stop.seconds());
-  for (std::uint32_t i = 0; i < burn_in + schedule.draws && !context.stop.reached(); ++i) {
+  for (std::uint64_t i = 0; i < burn_in + draws && !context.stop.reached(); ++i) {
     if (!chain.sweep()) break;
     if (i >= burn_in) {
       record_draw(plan, chain.world(), schedule.thin, record);
@@ -374,23 +375,13 @@ void run_chain(const Plan& plan, const MethodContext& context, std::uint32_t num
   record.recorder->finish();
 }
 
-// Calls work(i) for i = 0..count-1 on so many threads; false where memory ran out.
+// Calls work(i) for i = 0..count-1 on so many threads.
 template <class Work>
-bool in_parallel(std::size_t count, std::uint32_t threads, Work&& work) {
+void in_parallel(std::size_t count, std::uint32_t threads, Work&& work) {
   std::atomic<std::size_t> next{0};
-  std::atomic<bool> out_of_memory{false};
-  const auto loop = [&] {
-    try {
-      for (std::size_t i = next++; i < count; i = next++) work(i);
-    } catch (const std::bad_alloc&) {
-      out_of_memory = true;
-    }
-  };
-  std::vector<std::jthread> pool;
-  for (std::uint32_t t = 1; t < threads && t < count; ++t) pool.emplace_back(loop);
-  loop();
-  pool.clear();
-  return !out_of_memory;
+  run_on_threads(std::min<std::size_t>(threads, count), [&] {
+    for (std::size_t i = next++; i < count; i = next++) work(i);
+  });
 }
 
 // Nobody found a world: either there is none, and then propagation or search can say why, or it is only hard to find.
@@ -415,7 +406,7 @@ MethodResult explain_failure(const MethodContext& context) {
   return result;
 }
 
-bool summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records, std::uint32_t threads,
+void summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records, std::uint32_t threads,
                        const StopCondition& stop, std::vector<Marginal>& marginals) {
   for (std::uint32_t q : plan.decided) {
     marginals[q].probability = plan.network.queries()[q].literal == Literal::constant(true) ? 1.0 : 0.0;
@@ -423,7 +414,7 @@ bool summarize_queries(const Plan& plan, const std::vector<ChainRecord>& records
   std::uint32_t kept = UINT32_MAX;
   for (const ChainRecord& r : records) kept = std::min(kept, r.recorder->draws());
   const std::size_t parts = (plan.queries.size() + kQueriesPerPart - 1) / kQueriesPerPart;
-  return in_parallel(parts, threads, [&](std::size_t part) {
+  in_parallel(parts, threads, [&](std::size_t part) {
     // Out of time, or of patience: the quick summary.
     const bool quick = stop.reached();
     std::vector<std::span<const std::uint64_t>> chains;
@@ -481,38 +472,34 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
   }
   if (plan->stopped) return stopped();
   const Schedule schedule = make_schedule(context.options, plan->queries.size());
-  std::vector<ChainRecord> records(context.options.chains);
+  std::vector<ChainRecord> records(schedule.chains);
   std::atomic<std::uint64_t> done{0};
   const std::uint32_t hardware = std::max(1u, std::thread::hardware_concurrency());
   const std::uint32_t threads = context.options.threads == 0 ? hardware : context.options.threads;
-  const auto memory_ran_out = [&] {
-    result.termination = Termination::kMemoryLimit;
-    result.message = "memory ran out while sampling";
-    return std::move(result);
-  };
-  const bool enough = in_parallel(records.size(), threads, [&](std::size_t c) {
+  in_parallel(records.size(), threads, [&](std::size_t c) {
     run_chain(*plan, context, static_cast<std::uint32_t>(c), schedule, done, records[c]);
   });
-  if (!enough) return memory_ran_out();
   // A limit may have kept some chains from starting: those that have draws speak.
   const auto failed = std::ranges::count_if(records, [](const ChainRecord& r) { return r.failed_component != 0; });
   std::erase_if(records, [](const ChainRecord& r) { return r.draws == 0; });
-  if (records.empty() && failed && !context.stop.reached()) {
+  if (records.empty() && failed > 0 && !context.stop.reached()) {
     MethodResult failure = explain_failure(context);
     failure.marginals = std::move(result.marginals);
     return failure;
   }
   if (records.empty()) return stopped();
-  if (!summarize_queries(*plan, records, threads, context.stop, result.marginals)) return memory_ran_out();
-  std::uint64_t draws = 0;
-  for (const ChainRecord& r : records) draws += r.draws;
-  const std::uint64_t wanted = std::uint64_t{schedule.draws} * context.options.chains;
-  if (context.stop.reached() && draws < wanted) {
+  summarize_queries(*plan, records, threads, context.stop, result.marginals);
+  for (const ChainRecord& r : records) result.samples += r.draws;
+  if (context.stop.reached() && result.samples < context.options.samples) {
     result.termination = context.stop.reason();
-    result.message = fmt::format("stopped after {} of {} draws", draws, wanted);
+    result.message = fmt::format("stopped after {} of {} draws", result.samples, context.options.samples);
   } else if (std::ranges::any_of(records, [](const ChainRecord& r) { return r.hurried; })) {
     result.termination = Termination::kTimeLimit;
     result.message = "the burn-in was cut short to keep the limit";
+  } else if (failed > 0) {
+    result.warnings.push_back(
+        fmt::format("{} of {} chains found no first world that meets the hard formulas: {} of {} draws were kept",
+                    failed, schedule.chains, result.samples, context.options.samples));
   }
   return result;
 }
