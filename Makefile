@@ -2,7 +2,7 @@
 # To add a target: depend on `setup` (or on `build`, which does), keep it a few lines, name it under `help`.
 
 .DEFAULT_GOAL := build
-.PHONY: help setup build demo test check-long bench format lint fuzz docs sanitize install clean
+.PHONY: help setup build demo test check-long bench format lint fuzz docs sanitize fusion install clean
 
 JOBS ?= $(shell nproc)
 FUZZ_SECONDS ?= 60
@@ -18,6 +18,7 @@ help:
 	@echo 'make fuzz        fuzzes the parsers for FUZZ_SECONDS (60) each'
 	@echo 'make format      clang-format over all sources'
 	@echo 'make lint        clang-format --dry-run and clang-tidy'
+	@echo 'make fusion      the information-fusion experiment on synthetic scenes, or on DATA=SCENES.db'
 	@echo 'make docs        docs/commands.md from --help, and a check of all links in the documents'
 	@echo 'make install     to PREFIX (/usr/local)'
 
@@ -65,6 +66,12 @@ fuzz: setup
 
 docs: build
 	@scripts/docs.sh build/bin/sherlog
+
+# Ten seeds of five folds on recorded scenes take some minutes. Reports go to build/fusion.
+fusion: build
+	cmake --build --preset release -j $(JOBS) --target example_fusion_experiment
+	@mkdir -p build/fusion
+	build/examples/fusion_experiment $(if $(DATA),--data $(DATA),--scenes 40 --seeds 2 --folds 5) --out build/fusion
 
 install: build
 	cmake --build --preset release -j $(JOBS)

@@ -90,7 +90,9 @@ class Learning {
   }
 
   void report(const OptimiserResult& best, const Objective& objective) {
-    if (!std::isfinite(best.objective_with_prior)) {
+    // A method that samples knows no value; all others have one, or never got to their first.
+    const bool sampled = std::isnan(best.objective_with_prior);
+    if (!sampled && !std::isfinite(best.objective_with_prior)) {
       result_.weights.clear();
       fail(objective.termination() == Termination::kCompleted ? Termination::kRefused : objective.termination(),
            objective.message().empty() ? "the objective could not be computed at the weights of the model"
@@ -105,8 +107,10 @@ class Learning {
             start_.priors[w].log_density(best.weights[w]) - start_.priors[w].l1 * std::abs(best.weights[w]);
       }
     }
-    result_.objective = best.objective;
-    result_.objective_with_prior = best.objective_with_prior + prior_of_rest;
+    if (!sampled) {
+      result_.objective = best.objective;
+      result_.objective_with_prior = best.objective_with_prior + prior_of_rest;
+    }
     result_.converged = best.converged;
     result_.reason = best.reason;
     result_.iterations = best.iterations;
@@ -231,6 +235,7 @@ std::string validate(const LearningOptions& options) {
     return fmt::format("method '{}' has no use for --block; bpll has", options.method);
   }
   if (std::string problem = prior_problem(options.prior); !problem.empty()) return problem;
+  if (options.prior.l1 > 0.0 && options.method == "mcsat") return "method 'mcsat' cannot do an L1 prior; cll can";
   for (const auto& [formula, prior] : options.formula_priors) {
     if (std::string problem = prior_problem(prior); !problem.empty()) return problem;
   }

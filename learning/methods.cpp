@@ -1,5 +1,7 @@
 #include "learning/methods.h"
 
+#include "learning/sampled_gradient.h"
+
 namespace sherlog {
 namespace {
 
@@ -9,6 +11,7 @@ constexpr LearningMethod kMethods[] = {
     {{"dpll", "pseudo-log-likelihood of the --discriminative predicates", true}, prepare_dpll},
     {{"cll", "exact log-likelihood of the --discriminative predicates together, given the rest", true}, prepare_cll},
     {{"ll", "exact log-likelihood of the whole database, for small models", false}, prepare_ll},
+    {{"mcsat", "the likelihood of cll by sampling, for components too wide for exact sums", true}, prepare_mcsat},
 };
 
 }  // namespace
@@ -24,6 +27,7 @@ const LearningMethod* find_learning_method(std::string_view name) {
 
 OptimiserResult maximise(PreparedData& data, std::span<const std::uint32_t> databases, Objective& objective,
                          const StartingPoint& start, const OptimiserOptions& options, const StopCondition& stop) {
+  if (auto found = data.search(databases, start, options, stop)) return std::move(*found);
   const std::unique_ptr<Objective> nearby = data.nearby(databases);
   if (!nearby) return maximise(objective, start.weights, start.free, start.priors, options, stop);
   OptimiserOptions rough = options;

@@ -3,12 +3,20 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "learning/objective.h"
 #include "learning/optimiser.h"
 #include "learning/training_set.h"
 
 namespace sherlog {
+
+// Where the optimiser starts, by weight: the model's weights; what the data says nothing about is at its prior's mode.
+struct StartingPoint {
+  std::vector<double> weights;
+  std::vector<bool> free;
+  std::vector<Prior> priors;
+};
 
 // The training databases counted once; an objective for some of them is then cheap.
 class PreparedData {
@@ -18,6 +26,11 @@ class PreparedData {
   virtual std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) = 0;
   // Where an optimum of the objective is hard to reach from afar: another objective whose optimum is near it; else null.
   virtual std::unique_ptr<Objective> nearby(std::span<const std::uint32_t>) { return nullptr; }
+  // Where the objective has no value to be compared: a search of its own. Its result has no finite objective.
+  virtual std::optional<OptimiserResult> search(std::span<const std::uint32_t>, const StartingPoint&,
+                                                const OptimiserOptions&, const StopCondition&) {
+    return std::nullopt;
+  }
 };
 
 struct PreparedOrProblem {
@@ -34,12 +47,6 @@ struct LearningMethod {
 std::span<const LearningMethod> learning_method_table();
 const LearningMethod* find_learning_method(std::string_view name);
 
-// Where the optimiser starts, by weight: the model's weights; what the data says nothing about is at its prior's mode.
-struct StartingPoint {
-  std::vector<double> weights;
-  std::vector<bool> free;
-  std::vector<Prior> priors;
-};
 StartingPoint starting_point(const TrainingSet& set, const LearningOptions& options, const Objective& objective);
 
 // From the starting point by way of the nearby objective, where there is one.
