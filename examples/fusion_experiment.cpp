@@ -341,8 +341,9 @@ int main(int argc, char** argv) {
   std::vector<Model> models;
   std::vector<std::vector<Evidence>> data;
   Diagnostics diagnostics;
-  const std::string synthetic =
-      settings.data.empty() ? kitchen_text(default_kitchen(), 1, settings.scenes) : std::string();
+  KitchenConfig kitchen = default_kitchen();
+  if (settings.quick) kitchen.object_counts = {0, 0, 1, 1, 1};  // few things on each table: a try of seconds
+  const std::string synthetic = settings.data.empty() ? kitchen_text(kitchen, 1, settings.scenes) : std::string();
   for (const Candidate& candidate : all) {
     auto model = parse_model_file("models/information_fusion/experiment/" + candidate.file, diagnostics);
     if (!model) return std::fputs(diagnostics.render().c_str(), stderr), 2;

@@ -126,8 +126,10 @@ TEST(FactorGraph, KeptFeaturesKnowWhereTheyAreTrue) {
         ++open;
         EXPECT_TRUE(std::is_sorted(f.entries.begin(), f.entries.end()));
         const double weight = network.features()[f.feature].weight;
-        if (f.negated) kept.constant += weight;
-        for (const std::uint32_t entry : f.entries) kept.tables[f.scope][entry] += f.negated ? -weight : weight;
+        std::vector<double>& table = kept.tables[f.scope];
+        std::vector<bool> listed(table.size());
+        for (const std::uint32_t entry : f.entries) listed[entry] = true;
+        for (std::size_t i = 0; i < table.size(); ++i) table[i] += listed[i] != f.negated ? weight : 0.0;
       }
       for (const std::uint32_t f : kept.true_features) {
         ++decided;
