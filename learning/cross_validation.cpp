@@ -62,6 +62,11 @@ class CrossValidation {
       const bool good = !group.stdevs.empty() && std::ranges::all_of(group.stdevs, [](double s) { return s > 0.0; });
       if (!good) return fail(Termination::kRefused, "the standard deviations to choose from must be above 0");
     }
+    const bool chosen = options_.chosen_stdevs.empty() ||
+                        (options_.chosen_stdevs.size() == options_.folds &&
+                         std::ranges::all_of(options_.chosen_stdevs,
+                                             [&](const auto& s) { return s.size() == options_.tuning.size(); }));
+    if (!chosen) return fail(Termination::kRefused, "chosen_stdevs needs one number for each fold and tuning group");
     return check_folds();
   }
 
@@ -94,7 +99,8 @@ class CrossValidation {
     if (!made.data) return fail(std::move(made.problem));
     data_ = std::move(made.data);
     tuning_data_ = data_.get();
-    if (!options_.tuning.empty() && !options_.tuning_method.empty() && options_.tuning_method != learning_.method) {
+    const bool search = !options_.tuning.empty() && options_.chosen_stdevs.empty();
+    if (search && !options_.tuning_method.empty() && options_.tuning_method != learning_.method) {
       LearningOptions tuning = learning_;
       tuning.method = options_.tuning_method;
       tuning.discriminative.clear();
@@ -170,7 +176,7 @@ class CrossValidation {
     if (!fit(*data_, train, chosen, weights, fold.converged)) return false;
     fold.train_seconds = stop_.seconds() - start;
     std::vector<Prediction> predictions;
-    if (!predict_all(test, weights, predictions)) return false;
+    if (!predict_all(test, weights, options_.inference, predictions)) return false;
     fold.test_seconds = stop_.seconds() - start - fold.train_seconds;
     fold.databases = static_cast<std::uint32_t>(test.size());
     fold.examples = static_cast<std::uint32_t>(predictions.size());
@@ -198,9 +204,9 @@ class CrossValidation {
     return true;
   }
 
-  bool predict_all(const Databases& test, const std::vector<double>& weights, std::vector<Prediction>& predictions) {
+  bool predict_all(const Databases& test, const std::vector<double>& weights, InferenceOptions inference,
+                   std::vector<Prediction>& predictions) {
     for (const std::uint32_t d : test) {
-      InferenceOptions inference = options_.inference;
       inference.max_seconds = std::max(0.0, stop_.max_seconds() - stop_.seconds());
       TrainingProblem problem = predict(tasks_[d], weights, inference, stop_.monitor(), predictions);
       if (problem.termination != Termination::kCompleted) return fail(std::move(problem));
@@ -212,6 +218,11 @@ class CrossValidation {
 
   bool tune(const Databases& train, LearningOptions& learning, FoldResult& fold) {
     if (options_.tuning.empty()) return true;
+    if (!options_.chosen_stdevs.empty()) {
+      fold.stdevs = options_.chosen_stdevs[result_.folds.size()];
+      learning = with_stdevs(learning, fold.stdevs);
+      return true;
+    }
     const std::uint32_t inner_folds =
         std::min<std::uint32_t>(options_.tuning_folds, static_cast<std::uint32_t>(train.size()));
     const std::vector<std::uint32_t> inner = deal_folds(train.size(), inner_folds, options_.seed);
@@ -224,7 +235,7 @@ class CrossValidation {
         for (const double stdev : options_.tuning[g].stdevs) {
           std::vector<double> stdevs = fold.stdevs;
           stdevs[g] = stdev;
-          double loss = 0.0;
+          double loss = best_loss;
           if (!inner_loss(train, inner, inner_folds, with_stdevs(learning, stdevs), loss)) return false;
           if (loss < best_loss) best_loss = loss, best = stdev;
         }
@@ -246,21 +257,31 @@ class CrossValidation {
     return learning;
   }
 
+  // The choice between priors needs fewer digits than the answer. `loss`: in, the best so far, at which there is no need
+  // to go on; out, the log-loss, or a bound from below that is no better than the best.
   bool inner_loss(const Databases& train, const std::vector<std::uint32_t>& inner, std::uint32_t folds,
                   LearningOptions learning, double& loss) {
-    // The choice between priors needs no more digits than this.
     learning.optimiser.gradient_tolerance = std::max(learning.optimiser.gradient_tolerance, 1e-2);
     learning.optimiser.function_tolerance = std::max(learning.optimiser.function_tolerance, 1e-6);
-    std::vector<Prediction> predictions;
+    InferenceOptions inference = options_.inference;
+    inference.search_gap = std::max(inference.search_gap, 1e-2);
+    inference.samples = std::min<decltype(inference.samples)>(inference.samples, 2000);
+    const double best = loss;
+    std::size_t examples = 0;
+    for (const std::uint32_t d : train) examples += tasks_[d].examples.size();
+    double sum = 0.0;
     for (std::uint32_t f = 0; f < folds; ++f) {
       Databases part, rest;
       for (std::size_t i = 0; i < train.size(); ++i) (inner[i] == f ? part : rest).push_back(train[i]);
       std::vector<double> weights;
+      std::vector<Prediction> predictions;
       bool converged = false;
       if (!fit(*tuning_data_, rest, learning, weights, converged)) return false;
-      if (!predict_all(part, weights, predictions)) return false;
+      if (!predict_all(part, weights, inference, predictions)) return false;
+      for (const Prediction& prediction : predictions) sum += log_loss(prediction);
+      loss = sum / static_cast<double>(std::max<std::size_t>(examples, 1));
+      if (loss >= best) return true;
     }
-    loss = evaluate(result_.labels, predictions).log_loss;
     return true;
   }
 
