@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "inference/at_most_one.h"
+#include "inference/factor_graph_builder.h"
 #include "inference/propagation.h"
 
 namespace sherlog {
@@ -18,21 +19,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kPairJoint = 65536;  // a formula over two variables with so many joint values becomes one table
 constexpr std::uint64_t kSharedJoint = 4096;  // one whose variables have many formulas
-constexpr std::uint64_t kLargePair = 64;      // two tests whose variables are larger get an indicator each
-constexpr std::uint32_t kNone = 0xffffffffu;
-
-std::uint64_t hash_words(const std::vector<std::uint32_t>& words) {
-  std::uint64_t h = 0x9e3779b97f4a7c15u + words.size();
-  for (const std::uint32_t w : words) {
-    h ^= w;
-    h *= 0xff51afd7ed558ccdu;
-    h ^= h >> 32;
-  }
-  return h;
-}
-struct WordsHash {
-  std::size_t operator()(const std::vector<std::uint32_t>& words) const { return hash_words(words); }
-};
+constexpr std::uint32_t kNone = FactorGraphBuilder::kNone;
 
 // Truth for each joint value of a scope, 64 to a word.
 using BitTable = std::vector<std::uint64_t>;
@@ -62,26 +49,11 @@ class Compiler {
       }
     }
     graph_.too_large = graph_.table_bytes > options_.max_bytes;
-    make_sweep();
+    builder_.make_sweep();
     return std::move(graph_);
   }
 
  private:
-  // A variable can go once the last table it shares with earlier ones has been met.
-  void make_sweep() {
-    std::vector<std::uint32_t> last = key_;
-    for (const auto& scope : graph_.scopes) {
-      std::uint32_t met = 0;
-      for (const std::uint32_t v : scope) met = std::max(met, key_[v]);
-      for (const std::uint32_t v : scope) last[v] = std::max(last[v], met);
-    }
-    graph_.sweep.resize(key_.size());
-    std::iota(graph_.sweep.begin(), graph_.sweep.end(), 0u);
-    std::sort(graph_.sweep.begin(), graph_.sweep.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return std::tie(last[a], key_[a], a) < std::tie(last[b], key_[b], b);
-    });
-  }
-
   // --- variables
 
   void bind_variables() {
@@ -91,9 +63,7 @@ class Compiler {
         if (propagation_.allowed(v, value)) binding.values.push_back(value);
       }
       if (binding.values.size() > 1) {
-        binding.variable = static_cast<std::uint32_t>(graph_.cardinalities.size());
-        graph_.cardinalities.push_back(static_cast<std::uint32_t>(binding.values.size()));
-        key_.push_back(v.value);
+        binding.variable = builder_.add_variable(static_cast<std::uint32_t>(binding.values.size()), v.value);
       }
       binding_of_.emplace(v.value, static_cast<std::uint32_t>(graph_.bindings.size()));
       add_bias(v, binding);
@@ -112,9 +82,9 @@ class Compiler {
     }
     if (!any) return;
     if (binding.variable == kNone) {
-      graph_.constant += table[0];
+      builder_.add_constant(table[0], kNone);
     } else {
-      add_table({binding.variable}, table);
+      builder_.add_table({binding.variable}, table);
     }
   }
 
@@ -127,20 +97,6 @@ class Compiler {
     if (b.variable == kNone) return ValueTest::constant(true);
     ValueTest test{b.variable, std::vector<std::uint8_t>(b.values.size(), 0)};
     test.accepted[static_cast<std::size_t>(found - b.values.begin())] = 1;
-    return test;
-  }
-
-  static ValueTest negation(ValueTest test) {
-    for (auto& accepted : test.accepted) accepted ^= 1;
-    return test;
-  }
-
-  // A test without constants in disguise.
-  static ValueTest simplified(ValueTest test) {
-    if (test.is_constant()) return test;
-    const auto ones = std::count(test.accepted.begin(), test.accepted.end(), std::uint8_t{1});
-    if (ones == 0) return ValueTest::constant(false);
-    if (ones == static_cast<std::ptrdiff_t>(test.accepted.size())) return ValueTest::constant(true);
     return test;
   }
 
@@ -274,7 +230,7 @@ class Compiler {
       const Truth t = truth(feature.literal);
       const std::uint32_t recorded = options_.keep_features ? f : kNone;
       const double weight = options_.keep_features ? 1.0 : feature.weight;
-      if (t == Truth::kTrue) add_constant(weight, recorded);
+      if (t == Truth::kTrue) builder_.add_constant(weight, recorded);
       if (t == Truth::kOpen) roots_.push_back({feature.literal, weight, 0.0, recorded});
     }
     for (const Root& root : roots_) {
@@ -293,7 +249,7 @@ class Compiler {
 
   void add_root(const Root& root) {
     if (root.literal.is_atom()) {
-      add_unary(test_of(root.literal), root.when_true, root.when_false, root.recorded);
+      builder_.add_unary(test_of(root.literal), root.when_true, root.when_false, root.recorded);
       return;
     }
     const GateInfo& gate = info(root.literal.gate());
@@ -305,32 +261,33 @@ class Compiler {
       std::vector<double> table(gate.joint);
       for (std::size_t i = 0; i < table.size(); ++i)
         table[i] = (bits[i / 64] >> (i % 64) & 1u) != 0 ? when_true : when_false;
-      add_table(gate.support, table, root.recorded);
+      builder_.add_table(gate.support, table, root.recorded);
       return;
     }
     std::vector<ValueTest> tests = input_tests(gate.id);
     if (network_.gate_kind(gate.id) == GateKind::kIff) {
-      add_binary(
+      builder_.add_binary(
           tests[0], tests[1], [&](bool a, bool b) { return a == b ? when_true : when_false; }, root.recorded);
       return;
     }
     if (network_.gate_kind(gate.id) == GateKind::kAtMostOne) {
-      add_unary(at_most_one_test(std::move(tests)), when_true, when_false, root.recorded);
+      builder_.add_unary(builder_.at_most_one_test(std::move(tests)), when_true, when_false, root.recorded);
       return;
     }
     const bool always = !join_tests(tests);
     if (always) {
-      add_constant(when_true, root.recorded);
+      builder_.add_constant(when_true, root.recorded);
     } else if (tests.empty()) {
-      add_constant(when_false, root.recorded);
+      builder_.add_constant(when_false, root.recorded);
     } else {
       const ValueTest last = tests.back();
       tests.pop_back();
       if (tests.empty()) {
-        add_unary(last, when_true, when_false, root.recorded);
+        builder_.add_unary(last, when_true, when_false, root.recorded);
       } else {
-        add_binary(
-            chain(tests, false), last, [&](bool a, bool b) { return a || b ? when_true : when_false; }, root.recorded);
+        builder_.add_binary(
+            builder_.chain(tests, false), last, [&](bool a, bool b) { return a || b ? when_true : when_false; },
+            root.recorded);
       }
     }
   }
@@ -360,10 +317,10 @@ class Compiler {
       box = std::move(wider);
     }
     if (2 * box.size() >= gate.joint) return false;
-    const std::uint32_t number = table_over(scope, gate.joint);
+    const std::uint32_t number = builder_.table_over(scope, gate.joint);
     if (recorded != kNone) {
       // The feature is 1 where its literal is true: the gate or its negation.
-      add_feature({recorded, number, when_true != 0.0, std::move(box)});
+      builder_.add_feature({recorded, number, when_true != 0.0, std::move(box)});
       return true;
     }
     std::vector<double>& table = graph_.tables[number];
@@ -451,7 +408,7 @@ class Compiler {
       make_tests_below(literal.gate());
       plain = *info(literal.gate()).test;
     }
-    return literal.negated() ? negation(plain) : plain;
+    return literal.negated() ? FactorGraphBuilder::negation(plain) : plain;
   }
 
   // Makes the tests of a gate and of whatever it needs, without recursion.
@@ -515,11 +472,12 @@ class Compiler {
     const GateInfo& gate = info(g);
     if (is_function(gate)) return function_test(g);
     std::vector<ValueTest> tests = input_tests(g);
-    if (network_.gate_kind(g) == GateKind::kIff) return combined(tests[0], tests[1], Operation::kIff);
-    if (network_.gate_kind(g) == GateKind::kAtMostOne) return at_most_one_test(std::move(tests));
+    if (network_.gate_kind(g) == GateKind::kIff)
+      return builder_.combined(tests[0], tests[1], FactorGraphBuilder::Operation::kIff);
+    if (network_.gate_kind(g) == GateKind::kAtMostOne) return builder_.at_most_one_test(std::move(tests));
     if (!join_tests(tests)) return ValueTest::constant(true);
     if (tests.empty()) return ValueTest::constant(false);
-    return chain(tests, false);
+    return builder_.chain(tests, false);
   }
 
   // The truth of a gate over few joint values: a test where it depends on one variable, else an auxiliary variable.
@@ -529,10 +487,10 @@ class Compiler {
     const std::uint64_t joint = info(g).joint;
     std::vector<std::uint8_t> truths(joint);
     for (std::size_t i = 0; i < joint; ++i) truths[i] = static_cast<std::uint8_t>(bits[i / 64] >> (i % 64) & 1u);
-    if (support.size() == 1) return simplified({support[0], truths});
+    if (support.size() == 1) return FactorGraphBuilder::simplified({support[0], truths});
     std::uint32_t key = 0;
-    for (const std::uint32_t v : support) key = std::max(key, key_[v]);
-    const ValueTest aux = auxiliary(key);
+    for (const std::uint32_t v : support) key = std::max(key, builder_.key(v));
+    const ValueTest aux = builder_.auxiliary(key);
     std::vector<std::uint32_t> scope = support;
     scope.push_back(aux.variable);
     std::vector<double> table;
@@ -540,7 +498,7 @@ class Compiler {
       table.push_back(t != 0 ? -kInfinity : 0.0);
       table.push_back(t != 0 ? 0.0 : -kInfinity);
     }
-    add_table(scope, table);
+    builder_.add_table(scope, table);
     return aux;
   }
 
@@ -560,15 +518,16 @@ class Compiler {
     replace_groups(by_variable);
     tests.clear();
     for (auto& [variable, test] : by_variable) {
-      ValueTest plain = simplified(std::move(test));
+      ValueTest plain = FactorGraphBuilder::simplified(std::move(test));
       if (!plain.is_constant()) {
         tests.push_back(std::move(plain));
       } else if (plain.value()) {
         return false;
       }
     }
-    std::stable_sort(tests.begin(), tests.end(),
-                     [&](const ValueTest& a, const ValueTest& b) { return key_[a.variable] < key_[b.variable]; });
+    std::stable_sort(tests.begin(), tests.end(), [&](const ValueTest& a, const ValueTest& b) {
+      return builder_.key(a.variable) < builder_.key(b.variable);
+    });
     return true;
   }
 
@@ -589,115 +548,6 @@ class Compiler {
       for (const ValueTest& test : group.tests) by_variable.erase(test.variable);
       by_variable.emplace(group.any.variable, group.any);
     }
-  }
-
-  // --- auxiliary variables
-
-  enum class Operation : std::uint32_t { kOr, kIff, kIndicator };
-
-  ValueTest auxiliary(std::uint32_t key) {
-    const auto variable = static_cast<std::uint32_t>(graph_.cardinalities.size());
-    graph_.cardinalities.push_back(2);
-    key_.push_back(key);
-    return {variable, {0, 1}};
-  }
-
-  static std::vector<std::uint32_t> signature(const ValueTest& a, const ValueTest& b, Operation operation) {
-    std::vector<std::uint32_t> words{static_cast<std::uint32_t>(operation), a.variable, b.variable};
-    for (const ValueTest* test : {&a, &b}) {
-      std::uint32_t word = 1, count = 0;
-      for (const std::uint8_t accepted : test->accepted) {
-        word = word << 1 | accepted;
-        if (++count % 30 == 0) {
-          words.push_back(word);
-          word = 1;
-        }
-      }
-      words.push_back(word);
-    }
-    return words;
-  }
-
-  // The auxiliary variable that tells whether the test holds.
-  ValueTest indicator(const ValueTest& test) {
-    if (test.is_constant() || test.accepted.size() == 2) return test;
-    auto [it, fresh] = made_.emplace(signature(test, ValueTest::constant(true), Operation::kIndicator), ValueTest{});
-    if (!fresh) return it->second;
-    const ValueTest aux = auxiliary(key_[test.variable]);
-    it->second = aux;
-    std::vector<double> table;
-    for (const std::uint8_t accepted : test.accepted) {
-      table.push_back(accepted != 0 ? -kInfinity : 0.0);
-      table.push_back(accepted != 0 ? 0.0 : -kInfinity);
-    }
-    add_table({test.variable, aux.variable}, table);
-    return aux;
-  }
-
-  bool large_pair(const ValueTest& a, const ValueTest& b) const {
-    return a.accepted.size() * b.accepted.size() > kLargePair;
-  }
-
-  // a v b, or a <=> b, as a test of one variable.
-  ValueTest combined(ValueTest a, ValueTest b, Operation operation) {
-    if (a.is_constant()) std::swap(a, b);
-    if (b.is_constant()) {
-      if (operation == Operation::kOr) return b.value() ? b : a;
-      return b.value() ? a : negation(a);
-    }
-    if (a.variable == b.variable) {
-      for (std::size_t k = 0; k < a.accepted.size(); ++k) {
-        const bool truth =
-            operation == Operation::kOr ? (a.accepted[k] | b.accepted[k]) != 0 : a.accepted[k] == b.accepted[k];
-        a.accepted[k] = truth ? 1 : 0;
-      }
-      return simplified(a);
-    }
-    if (large_pair(a, b)) {
-      a = indicator(a);
-      b = indicator(b);
-    }
-    auto [it, fresh] = made_.emplace(signature(a, b, operation), ValueTest{});
-    if (!fresh) return it->second;
-    const ValueTest aux = auxiliary(std::max(key_[a.variable], key_[b.variable]));
-    it->second = aux;
-    std::vector<double> table;
-    for (const std::uint8_t x : a.accepted) {
-      for (const std::uint8_t y : b.accepted) {
-        const bool truth = operation == Operation::kOr ? (x | y) != 0 : x == y;
-        table.push_back(truth ? -kInfinity : 0.0);
-        table.push_back(truth ? 0.0 : -kInfinity);
-      }
-    }
-    add_table({a.variable, b.variable, aux.variable}, table);
-    return aux;
-  }
-
-  // The OR of the tests (of different variables, sorted), link by link; with `at_most_one` two of them exclude each
-  // other.
-  ValueTest chain(const std::vector<ValueTest>& tests, bool at_most_one) {
-    // The state along a long chain is a bit from its first link on, not that link's whole variable.
-    ValueTest any = tests.size() > 2 ? indicator(tests[0]) : tests[0];
-    for (std::size_t i = 1; i < tests.size(); ++i) {
-      if (at_most_one) {
-        add_binary(any, tests[i], [](bool a, bool b) { return a && b ? -kInfinity : 0.0; });
-      }
-      any = combined(any, tests[i], Operation::kOr);
-    }
-    return any;
-  }
-
-  // "At most one of these holds" as a truth that may be false too: a second chain knows whether two did.
-  ValueTest at_most_one_test(std::vector<ValueTest> tests) {
-    const auto key = [&](const ValueTest& test) { return test.is_constant() ? 0 : key_[test.variable]; };
-    std::stable_sort(tests.begin(), tests.end(),
-                     [&](const ValueTest& a, const ValueTest& b) { return key(a) < key(b); });
-    ValueTest any = ValueTest::constant(false), two = ValueTest::constant(false);
-    for (const ValueTest& test : tests) {
-      two = combined(two, negation(combined(negation(any), negation(test), Operation::kOr)), Operation::kOr);
-      any = combined(any, test, Operation::kOr);
-    }
-    return negation(two);
   }
 
   // --- at-most-one groups
@@ -724,132 +574,28 @@ class Compiler {
         }
       }
       // A variable with all its values in the group leaves nothing to the others.
-      for (ValueTest& test : tests) test = simplified(std::move(test));
+      for (ValueTest& test : tests) test = FactorGraphBuilder::simplified(std::move(test));
       std::stable_partition(tests.begin(), tests.end(), [](const ValueTest& test) { return test.is_constant(); });
       groups_.push_back({std::move(tests), {}});
     }
     for (std::uint32_t g = 0; g < groups_.size(); ++g) {
       Group& group = groups_[g];
       if (group.tests.size() < 2) continue;
-      group.any = chain(group.tests, true);
+      group.any = builder_.chain(group.tests, true);
       if (!group.any.is_constant()) groups_starting_at_[group.tests[0].variable].push_back(g);
     }
-  }
-
-  // --- tables
-  // A value is added to the score, or, for a feature to be recorded, 1 says where it is true.
-
-  void add_constant(double value, std::uint32_t recorded) {
-    if (recorded == kNone) {
-      graph_.constant += value;
-    } else if (value != 0.0) {
-      graph_.true_features.push_back(recorded);
-    }
-  }
-
-  void add_unary(const ValueTest& test, double when_true, double when_false, std::uint32_t recorded = kNone) {
-    if (test.is_constant()) {
-      add_constant(test.value() ? when_true : when_false, recorded);
-      return;
-    }
-    std::vector<double> table;
-    for (const std::uint8_t accepted : test.accepted) table.push_back(accepted != 0 ? when_true : when_false);
-    add_table({test.variable}, table, recorded);
-  }
-
-  template <class Value>
-  void add_binary(ValueTest a, ValueTest b, Value value, std::uint32_t recorded = kNone) {
-    if (a.is_constant()) std::swap(a, b);  // the values asked for are symmetric
-    if (b.is_constant()) {
-      add_unary(a, value(true, b.value()), value(false, b.value()), recorded);
-      return;
-    }
-    if (a.variable == b.variable) {
-      std::vector<double> table;
-      for (std::size_t k = 0; k < a.accepted.size(); ++k)
-        table.push_back(value(a.accepted[k] != 0, b.accepted[k] != 0));
-      add_table({a.variable}, table, recorded);
-      return;
-    }
-    if (large_pair(a, b)) {
-      a = indicator(a);
-      b = indicator(b);
-    }
-    std::vector<double> table;
-    for (const std::uint8_t x : a.accepted) {
-      for (const std::uint8_t y : b.accepted) table.push_back(value(x != 0, y != 0));
-    }
-    add_table({a.variable, b.variable}, table, recorded);
-  }
-
-  // Adds the table to the one over the same variables. The scope may come in any order.
-  void add_table(const std::vector<std::uint32_t>& scope, const std::vector<double>& table,
-                 std::uint32_t recorded = kNone) {
-    std::vector<std::uint32_t> sorted = scope;
-    std::sort(sorted.begin(), sorted.end());
-    const std::uint32_t number = table_over(sorted, table.size());
-    std::vector<double>& target = graph_.tables[number];
-    const auto true_entries =
-        static_cast<std::size_t>(std::count_if(table.begin(), table.end(), [](double x) { return x != 0.0; }));
-    const bool negated = 2 * true_entries > table.size();
-    FactorGraph::OpenFeature open{recorded, number, negated, {}};
-    const bool in_order = sorted == scope;
-    for (std::size_t i = 0; i < table.size(); ++i) {
-      const std::size_t index = in_order ? i : index_in(sorted, scope, i);
-      if (recorded == kNone) {
-        target[index] += table[i];
-      } else if ((table[i] != 0.0) != negated) {
-        open.entries.push_back(static_cast<std::uint32_t>(index));
-      }
-    }
-    if (recorded == kNone) return;
-    std::sort(open.entries.begin(), open.entries.end());
-    add_feature(std::move(open));
-  }
-
-  // The number of the table over these variables, which are sorted; a new one is zero.
-  std::uint32_t table_over(const std::vector<std::uint32_t>& sorted, std::size_t size) {
-    const auto [it, fresh] = table_of_.emplace(sorted, static_cast<std::uint32_t>(graph_.tables.size()));
-    if (fresh) {
-      graph_.scopes.push_back(sorted);
-      graph_.tables.emplace_back(size, 0.0);
-      graph_.table_bytes += size * sizeof(double) + 200;
-    }
-    return it->second;
-  }
-
-  void add_feature(FactorGraph::OpenFeature&& open) {
-    graph_.table_bytes += open.entries.size() * sizeof(std::uint32_t) + sizeof(open);
-    graph_.features.push_back(std::move(open));
-  }
-
-  // Where entry `i` of a table over `scope` stands in the one over the same variables sorted.
-  std::size_t index_in(const std::vector<std::uint32_t>& sorted, const std::vector<std::uint32_t>& scope,
-                       std::size_t i) const {
-    std::size_t index = 0;
-    for (std::size_t d = scope.size(); d-- > 0;) {
-      const std::size_t value = i % graph_.cardinalities[scope[d]];
-      i /= graph_.cardinalities[scope[d]];
-      std::size_t stride = 1;
-      for (std::size_t e = sorted.size(); sorted[e - 1] != scope[d]; --e) stride *= graph_.cardinalities[sorted[e - 1]];
-      index += value * stride;
-    }
-    return index;
   }
 
   const GroundNetwork& network_;
   const ComponentId component_;
   const FactorGraphOptions& options_;
   Propagation propagation_;
-  FactorGraph graph_;
-  std::vector<std::uint32_t>
-      key_;  // by variable of the graph: where in the network it stands (an auxiliary one: its last input)
+  FactorGraphBuilder builder_;
+  FactorGraph& graph_ = builder_.graph;
   std::unordered_map<std::uint32_t, std::uint32_t> binding_of_, local_gate_;
   std::vector<GateInfo> gates_;  // sorted by id
   std::vector<Root> roots_;
   std::unordered_map<std::vector<std::uint32_t>, std::uint64_t, WordsHash> formulas_on_;
-  std::unordered_map<std::vector<std::uint32_t>, std::uint32_t, WordsHash> table_of_;
-  std::unordered_map<std::vector<std::uint32_t>, ValueTest, WordsHash> made_;
   std::vector<Group> groups_;
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_starting_at_;
   std::vector<std::uint32_t> covered_gates_;

@@ -44,8 +44,8 @@ struct FactorGraph {
 
   // A feature that is neither true nor false in every world, with FactorGraphOptions::keep_features.
   struct OpenFeature {
-    std::uint32_t feature = 0;           // index into network.features()
-    std::uint32_t scope = 0;             // of the table that it would weigh
+    std::uint32_t feature = 0;  // index into network.features()
+    std::uint32_t scope = 0;    // of the table that it would weigh
     bool negated = false;
     std::vector<std::uint32_t> entries;  // of that table: where its literal is true, or where it is false (negated),
                                          // whichever are fewer; increasing
