@@ -39,11 +39,15 @@ std::string outcome_text(const LearningResult& result) {
                      result.reason);
 }
 
+std::string databases_text(const LearningResult& result) {
+  return fmt::format("{} database{}", result.databases, result.databases == 1 ? "" : "s");
+}
+
 // What the output file says of itself.
 std::string provenance(const LearningResult& result, const Arguments& arguments) {
   std::string text = fmt::format("Weights learned by sherlog {}: method {}\n", SHERLOG_VERSION, result.method);
   text += fmt::format("model: {}\n", fmt::join(arguments.options.models, ", "));
-  text += fmt::format("data: {} ({} databases)\n", fmt::join(arguments.learning.training, ", "), result.databases);
+  text += fmt::format("data: {} ({})\n", fmt::join(arguments.learning.training, ", "), databases_text(result));
   if (!arguments.learning.discriminative.empty()) {
     text += fmt::format("predicted: {}\n", fmt::join(arguments.learning.discriminative, ", "));
   }
@@ -89,16 +93,16 @@ Json learn_json(const LearningResult& result) {
     if (!learned.identified || learned.shared) entry["identified"] = false;
     json["weights"].push_back(std::move(entry));
   }
+  if (!result.warnings.empty()) json["warnings"] = result.warnings;
   json["seconds"] = {
       {"count", result.seconds.count}, {"optimise", result.seconds.optimise}, {"total", result.seconds.total}};
   return json;
 }
 
 std::string learn_text(const LearningResult& result, const Arguments& arguments) {
-  std::string text =
-      fmt::format("method {}: {} weights from {} databases; {} ({:.3f} s)\n", result.method, result.weights.size(),
-                  result.databases, to_string(result.termination), result.seconds.total);
-  if (result.weights.empty()) return text;
+  if (result.weights.empty()) return "";  // what is wrong has been said
+  std::string text = fmt::format("method {}: {} weights from {}; {} ({:.3f} s)\n", result.method, result.weights.size(),
+                                 databases_text(result), to_string(result.termination), result.seconds.total);
   text += outcome_text(result) + "\n";
   if (result.objective) text += objective_text(result) + "\n";
   text += prior_text(result.options) + "\n";
@@ -112,7 +116,11 @@ std::string learn_text(const LearningResult& result, const Arguments& arguments)
       if (result.options.standard_errors) {
         text += learned.standard_error ? fmt::format(" +- {:<10.6f}", *learned.standard_error) : std::string(14, ' ');
       }
-      text += fmt::format("  {}{}\n", weight_text(*result.model, table, w), learned.fixed ? "  (fixed)" : "");
+      const char* const note = learned.fixed         ? "  (fixed)"
+                               : !learned.identified ? "  (the data says nothing about it)"
+                               : learned.shared      ? "  (not determined alone)"
+                                                     : "";
+      text += fmt::format("  {}{}\n", weight_text(*result.model, table, w), note);
     }
   }
   if (arguments.output != "-") text += fmt::format("\nwritten to {}\n", arguments.output);
@@ -149,7 +157,7 @@ int learn_and_write(Session& session, const Arguments& arguments) {
 
 int run_learn(const Arguments& arguments) {
   Session session(arguments.options);
-  if (!session.check_options({arguments.output})) return kBadInput;
+  if (!session.check_options({arguments.output}, arguments.learning.training)) return kBadInput;
   return session.run("sherlog.learn/1", [&] { return learn_and_write(session, arguments); });
 }
 

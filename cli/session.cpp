@@ -170,9 +170,10 @@ double Session::seconds() const {
 
 double Session::seconds_left() const { return std::max(0.0, options_.max_seconds - seconds()); }
 
-bool Session::check_options(const std::vector<std::string>& outputs) {
+bool Session::check_options(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs) {
   const auto stdin_count = std::count(options_.models.begin(), options_.models.end(), "-") +
-                           std::count(options_.evidence.begin(), options_.evidence.end(), "-");
+                           std::count(options_.evidence.begin(), options_.evidence.end(), "-") +
+                           std::count(inputs.begin(), inputs.end(), "-");
   if (stdin_count > 1) return error("standard input ('-') can be read only once"), false;
   if (std::isnan(options_.max_seconds) || options_.max_seconds < 0) {
     return error(fmt::format("--max-seconds: {} is not a number of seconds of at least 0", options_.max_seconds)),

@@ -69,8 +69,9 @@ class Session {
   double seconds() const;
   double seconds_left() const;
 
-  // False where an option makes no sense; says so. `outputs`: files that will be written.
-  bool check_options(const std::vector<std::string>& outputs = {});
+  // False where an option makes no sense; says so. `outputs`: files that will be written; `inputs`: files that are read beside
+  // the models and the evidence.
+  bool check_options(const std::vector<std::string>& outputs = {}, const std::vector<std::string>& inputs = {});
   // The inputs, or nothing after printing what is wrong.
   std::optional<Model> read_model();
   std::optional<std::vector<Evidence>> read_evidence(const Model& model);

@@ -42,6 +42,7 @@ void install_signal_handlers() {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that grows too large is an error of write()
 }
 
 TerminalMonitor::TerminalMonitor(bool enabled) : draws_(enabled && isatty(STDERR_FILENO) == 1) {}

@@ -36,10 +36,16 @@ std::vector<std::string> outputs(const Arguments& arguments) {
   return files;
 }
 
+std::vector<std::string> inputs(const Arguments& arguments) {
+  std::vector<std::string> files = arguments.learning.training;
+  if (!arguments.fold_file.empty()) files.push_back(arguments.fold_file);
+  return files;
+}
+
 // Whole numbers separated by white space: the fold of each database, counted from 1.
 bool read_folds(Session& session, const std::string& path, CrossValidationOptions& options) {
   const TextFile file = load_text_file(path);
-  if (!file.text) return session.error(fmt::format("--fold-file: {}", file.problem)), false;
+  if (!file.text) return session.error(fmt::format("--fold-file: '{}' {}", path, file.problem)), false;
   std::uint32_t largest = 0;
   std::istringstream words(*file.text);
   for (std::string word; words >> word;) {
@@ -50,6 +56,11 @@ bool read_folds(Session& session, const std::string& path, CrossValidationOption
     }
     largest = std::max(largest, fold);
     options.fold_of.push_back(fold - 1);
+  }
+  if (largest < 2) {
+    return session.error(fmt::format("{}: names {}; there must be two or more", path,
+                                     largest == 0 ? "no fold" : "one fold only")),
+           false;
   }
   options.folds = largest;
   return true;
@@ -126,17 +137,18 @@ Json xval_json(const CrossValidationResult& result) {
     if (!fold.stdevs.empty()) entry["prior_stdevs"] = fold.stdevs;
     json["folds"].push_back(std::move(entry));
   }
+  if (!result.warnings.empty()) json["warnings"] = result.warnings;
   json["seconds"] = {{"count", result.count_seconds}, {"total", result.seconds}};
   return json;
 }
 
 std::string xval_text(const CrossValidationResult& result) {
+  if (result.folds.empty()) return "";  // what is wrong has been said
   const Evaluation& e = result.evaluation;
   std::string text = fmt::format("method {}, {} folds, {} examples; {} ({:.2f} s)\n\n", result.method,
                                  result.folds.size(), e.examples, to_string(result.termination), result.seconds);
   text += fmt::format("{:>5} {:>10} {:>9} {:>9} {:>9} {:>8} {:>8}  {}\n", "fold", "databases", "examples", "accuracy",
-                      "log-loss", "train s", "test s",
-                      result.folds.empty() || result.folds[0].stdevs.empty() ? "" : "prior stdevs");
+                      "log-loss", "train s", "test s", result.folds[0].stdevs.empty() ? "" : "prior stdevs");
   for (std::size_t f = 0; f < result.folds.size(); ++f) {
     const FoldResult& fold = result.folds[f];
     text += fmt::format("{:>5} {:>10} {:>9} {:>9.4f} {:>9.4f} {:>8.3f} {:>8.3f}  {}\n", f + 1, fold.databases,
@@ -225,7 +237,7 @@ int validate_and_write(Session& session, const Arguments& arguments) {
 
 int run_xval(const Arguments& arguments) {
   Session session(arguments.options);
-  if (!session.check_options(outputs(arguments))) return kBadInput;
+  if (!session.check_options(outputs(arguments), inputs(arguments))) return kBadInput;
   return session.run("sherlog.xval/1", [&] { return validate_and_write(session, arguments); });
 }
 

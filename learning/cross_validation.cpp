@@ -54,9 +54,8 @@ class CrossValidation {
       return fail(Termination::kRefused, fmt::format("no formula mentions '{}': there is nothing to learn about it",
                                                      set_.model.predicate(options_.target).name));
     }
-    for (const Evidence& evidence : set_.databases) {
-      std::string problem = training_problem(set_.model, evidence, set_.mentioned);
-      if (!problem.empty()) return fail(Termination::kRefused, std::move(problem));
+    if (std::string problem = training_problem(set_.model, set_.databases, set_.mentioned); !problem.empty()) {
+      return fail(Termination::kRefused, std::move(problem));
     }
     for (const TuningGroup& group : options_.tuning) {
       const bool good = !group.stdevs.empty() && std::ranges::all_of(group.stdevs, [](double s) { return s > 0.0; });
@@ -128,6 +127,9 @@ class CrossValidation {
         [](std::size_t) {});
     result_.count_seconds = stop_.seconds();
     if (problem.termination != Termination::kCompleted) return fail(std::move(problem));
+    if (std::string warning = target_warning(set_, options_.target); !warning.empty()) {
+      result_.warnings.push_back(std::move(warning));
+    }
     warn_about_classes();
     return true;
   }

@@ -51,7 +51,11 @@ PreparedOrProblem prepare(const TrainingSet& set, const std::vector<bool>& open,
         InferenceOptions inference;
         inference.max_memory = options.max_memory;
         by_database[d] = make_joint_parts(*observation.result, inference, options.search_gap, stop);
-        return {by_database[d].termination, by_database[d].message};
+        std::string message = by_database[d].message;
+        if (by_database[d].termination == Termination::kTooWide) {
+          message += options.discriminative.empty() ? "; pll needs no such sums" : "; dpll and mcsat need no such sums";
+        }
+        return {by_database[d].termination, std::move(message)};
       },
       [&](std::size_t d) { all.push_back(std::move(by_database[d].parts)); });
   if (problem.termination != Termination::kCompleted) return {nullptr, std::move(problem)};

@@ -43,27 +43,18 @@ class Learning {
     if (std::string problem = validate(options_); !problem.empty()) return fail(Termination::kRefused, problem);
     if (!set_.weights.problem().empty()) return fail(Termination::kMemoryLimit, set_.weights.problem());
     if (set_.databases.empty()) return fail(Termination::kRefused, "there is no training data");
-    for (const Evidence& evidence : set_.databases) {
-      std::string problem = training_problem(set_.model, evidence, set_.mentioned);
-      if (!problem.empty()) return fail(Termination::kRefused, std::move(problem));
+    if (std::string problem = training_problem(set_.model, set_.databases, set_.mentioned); !problem.empty()) {
+      return fail(Termination::kRefused, std::move(problem));
     }
     for (const PredicateId p : options_.discriminative) warn_about_target(p);
     return true;
   }
 
   void warn_about_target(PredicateId p) {
-    const std::string& name = set_.model.predicate(p).name;
-    if (!set_.mentioned[p.index()]) result_.warnings.push_back(fmt::format("no formula mentions '{}'", name));
-    std::size_t without = 0, first = 0;
-    for (std::size_t d = set_.databases.size(); d-- > 0;) {
-      const auto& kinds = set_.databases[d].of(p).kinds;
-      if (std::ranges::find(kinds, EvidenceKind::kTrue) != kinds.end()) continue;
-      ++without;
-      first = d + 1;
+    if (!set_.mentioned[p.index()]) {
+      result_.warnings.push_back(fmt::format("no formula mentions '{}'", set_.model.predicate(p).name));
     }
-    if (without == 0) return;
-    result_.warnings.push_back(fmt::format("{} of {} databases state no true atom of '{}' (the first is number {})",
-                                           without, set_.databases.size(), name, first));
+    if (std::string warning = target_warning(set_, p); !warning.empty()) result_.warnings.push_back(warning);
   }
 
   void work() {
@@ -124,30 +115,34 @@ class Learning {
   }
 
   void warn(const Objective& objective) {
-    std::size_t unseen = 0, first = 0;
-    for (std::size_t w = result_.weights.size(); w-- > 0;) {
-      if (result_.weights[w].identified) continue;
-      ++unseen;
-      first = w;
+    std::vector<std::uint32_t> unseen;
+    for (std::uint32_t w = 0; w < result_.weights.size(); ++w) {
+      if (!result_.weights[w].identified) unseen.push_back(w);
     }
-    if (unseen > 0) {
-      result_.warnings.push_back(fmt::format(
-          "the data says nothing about {} of {} weights, they have their prior's; the first is that of '{}'", unseen,
-          result_.weights.size(), weight_text(set_.model, set_.weights, first)));
+    if (!unseen.empty()) {
+      result_.warnings.push_back(
+          fmt::format("the data says nothing about {} of {} weights, so they stay where prior or model put them: {}",
+                      unseen.size(), result_.weights.size(), formulas_text(unseen)));
     }
     for (const auto& group : objective.indistinguishable()) {
-      std::string names;
-      for (std::size_t i = 0; i < std::min<std::size_t>(group.size(), 3); ++i) {
-        names += fmt::format("{}'{}'", i == 0 ? "" : " and ", weight_text(set_.model, set_.weights, group[i]));
-      }
-      if (group.size() > 3) names += fmt::format(" and {} more", group.size() - 3);
-      result_.warnings.push_back("the data cannot tell apart the weights of " + names);
+      result_.warnings.push_back("the data cannot tell apart the weights of " + formulas_text(group));
       for (const std::uint32_t w : group) result_.weights[w].shared = true;
       if (result_.warnings.size() > 20) break;
     }
     if (!result_.converged && result_.termination == Termination::kCompleted) {
       result_.warnings.push_back("the weights have not converged: " + result_.reason);
     }
+  }
+
+  // The formulas of these weights, the first few by name.
+  std::string formulas_text(std::span<const std::uint32_t> weights) const {
+    constexpr std::size_t kNamed = 3;
+    std::string names;
+    for (std::size_t i = 0; i < std::min(weights.size(), kNamed); ++i) {
+      names += fmt::format("{}'{}'", i == 0 ? "" : " and ", weight_text(set_.model, set_.weights, weights[i]));
+    }
+    if (weights.size() > kNamed) names += fmt::format(" and {} more", weights.size() - kNamed);
+    return names;
   }
 
   // The inverse of the information at the optimum, the prior's included.

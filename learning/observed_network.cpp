@@ -65,6 +65,27 @@ std::string conflict_sentence(const Conflict& conflict) {
   return text;
 }
 
+// What the database says of the atoms of a ground formula, a line each; those with a quantified variable are left out.
+void list_atoms(const Model& model, const Evidence& evidence, const Formula& formula, const FormulaNode& node,
+                std::span<const ConstantIndex> by_variable, std::vector<std::string>& lines) {
+  for (const FormulaNode& child : node.children) list_atoms(model, evidence, formula, child, by_variable, lines);
+  if (node.kind != NodeKind::kAtom) return;
+  std::vector<ConstantIndex> arguments;
+  for (const Term& term : node.terms) {
+    if (term.is_variable && formula.variables[term.index].quantified) return;
+    arguments.push_back(term.is_variable ? by_variable[term.index] : term.index);
+  }
+  const PredicateEvidence& stated = evidence.of(node.predicate);
+  const std::size_t arity = arguments.size();
+  std::size_t a = 0;
+  while (a < stated.size() && !std::equal(arguments.begin(), arguments.end(), stated.arguments.data() + a * arity)) ++a;
+  const bool known = a < stated.size() && stated.places[a].line != 0;
+  const bool holds = a < stated.size() && stated.kinds[a] == EvidenceKind::kTrue;
+  std::string line = fmt::format("\n  {}{} is {}", known ? place_text(evidence.sources(), stated.places[a]) + ": " : "",
+                                 atom_text(model, evidence, node.predicate, arguments), holds ? "true" : "false");
+  if (std::ranges::find(lines, line) == lines.end()) lines.push_back(std::move(line));
+}
+
 // Names the first constraint that the observed world breaks.
 std::string broken_constraint(const Model& model, const Evidence& evidence, const ObservedNetwork& observed) {
   if (observed.network.constraints().empty()) return "";
@@ -80,8 +101,10 @@ std::string broken_constraint(const Model& model, const Evidence& evidence, cons
     for (std::size_t v = 0; v < by_variable.size(); ++v) {
       if (!formula.variables[v].quantified) by_variable[v] = binding[next++];
     }
-    return fmt::format("the training data breaks a hard formula: {}: {}", place_text(model.sources(), formula.place),
-                       ground_formula_text(model, evidence, formula, by_variable));
+    std::vector<std::string> atoms;
+    list_atoms(model, evidence, formula, formula.root, by_variable, atoms);
+    return fmt::format("the training data breaks a hard formula: {}: {}{}", place_text(model.sources(), formula.place),
+                       ground_formula_text(model, evidence, formula, by_variable), fmt::join(atoms, ""));
   }
   return "";
 }
@@ -106,7 +129,21 @@ std::vector<bool> mentioned_predicates(const Model& model) {
   return mentioned;
 }
 
-std::string training_problem(const Model& model, const Evidence& evidence, const std::vector<bool>& mentioned) {
+namespace {
+
+// Where a database begins, as far as the text tells: "t.db:6: "; else nothing.
+std::string first_place(const Evidence& evidence, std::size_t predicates) {
+  const Place* first = nullptr;
+  for (std::size_t p = 0; p < predicates; ++p) {
+    for (const Place& place : evidence.of(PredicateId(p)).places) {
+      if (place.line == 0 || place.file >= evidence.sources().size()) continue;
+      if (first == nullptr || std::pair(place.file, place.line) < std::pair(first->file, first->line)) first = &place;
+    }
+  }
+  return first == nullptr ? "" : place_text(evidence.sources(), *first) + ": ";
+}
+
+std::string database_problem(const Model& model, const Evidence& evidence, const std::vector<bool>& mentioned) {
   for (std::size_t p = 0; p < mentioned.size(); ++p) {
     if (!mentioned[p]) continue;
     const PredicateId id(p);
@@ -122,10 +159,27 @@ std::string training_problem(const Model& model, const Evidence& evidence, const
     if (model.predicate(id).block != BlockKind::kExactlyOne) continue;
     const std::string block = block_without_value(model, evidence, id);
     if (block.empty()) continue;
-    const std::string file = evidence.sources().size() > 0 ? evidence.sources().name(0) : "the training data";
-    return fmt::format("{}: exactly one value of {} must be true, and none is stated", file, block);
+    const bool none = std::ranges::find(stated.kinds, EvidenceKind::kTrue) == stated.kinds.end();
+    return fmt::format("{}exactly one value of {} must be true, and none is stated{}",
+                       first_place(evidence, mentioned.size()), block,
+                       none ? fmt::format("; the database has no true atom of '{}'", model.predicate(id).name) : "");
   }
   return "";
+}
+
+}  // namespace
+
+std::string training_problem(const Model& model, std::span<const Evidence> databases,
+                             const std::vector<bool>& mentioned) {
+  for (std::size_t d = 0; d < databases.size(); ++d) {
+    const std::string problem = database_problem(model, databases[d], mentioned);
+    if (!problem.empty()) return which_database(d, databases.size()) + problem;
+  }
+  return "";
+}
+
+std::string which_database(std::size_t number, std::size_t count) {
+  return count == 1 ? "" : fmt::format("database {} of {}: ", number + 1, count);
 }
 
 Observation observe(const Model& model, const Evidence& evidence, const TrueAtoms& truth, const std::vector<bool>& open,

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,8 +30,12 @@ class TrueAtoms {
 };
 
 // What makes a database unfit for learning: graded or unknown atoms, a '!' block without a value. Only predicates that
-// formulas mention matter (by predicate). Empty where all is well; else a sentence that starts with the place.
-std::string training_problem(const Model& model, const Evidence& evidence, const std::vector<bool>& mentioned);
+// formulas mention matter (by predicate). Empty where all is well; else a sentence about the first that has a problem.
+std::string training_problem(const Model& model, std::span<const Evidence> databases,
+                             const std::vector<bool>& mentioned);
+
+// "database 3 of 50: " in front of a sentence about it; nothing where there is only one.
+std::string which_database(std::size_t number, std::size_t count);
 
 // By predicate: whether a formula mentions it.
 std::vector<bool> mentioned_predicates(const Model& model);

@@ -1,5 +1,7 @@
 #include "learning/training_set.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <thread>
@@ -14,6 +16,19 @@ TrainingSet::TrainingSet(const Model& given, std::span<const Evidence> given_dat
       mentioned(mentioned_predicates(given)),
       weights(model) {
   for (const Evidence& evidence : given_databases) databases.push_back(renumbered(evidence, given, model));
+}
+
+std::string target_warning(const TrainingSet& set, PredicateId target) {
+  std::size_t without = 0, first = 0;
+  for (std::size_t d = set.databases.size(); d-- > 0;) {
+    const auto& kinds = set.databases[d].of(target).kinds;
+    if (std::ranges::find(kinds, EvidenceKind::kTrue) != kinds.end()) continue;
+    ++without;
+    first = d + 1;
+  }
+  if (without == 0) return "";
+  return fmt::format("{} of {} databases state no true atom of '{}' (the first is number {})", without,
+                     set.databases.size(), set.model.predicate(target).name, first);
 }
 
 TrainingProblem for_each_database(std::size_t count, std::uint32_t threads, const StopCondition& stop,
@@ -36,7 +51,12 @@ TrainingProblem for_each_database(std::size_t count, std::uint32_t threads, cons
     };
     run_on_threads(std::min<std::size_t>(threads, end - begin), run);
     for (std::size_t d = begin; d < end; ++d) {
-      if (problems[d - begin].termination != Termination::kCompleted) return problems[d - begin];
+      TrainingProblem& problem = problems[d - begin];
+      // What ends the whole run is not this database's doing.
+      const bool its_own = problem.termination == Termination::kNoPossibleWorld ||
+                           problem.termination == Termination::kTooWide || problem.termination == Termination::kRefused;
+      if (its_own) problem.message = which_database(d, count) + problem.message;
+      if (problem.termination != Termination::kCompleted) return problem;
       collect(d);
     }
     if (stop.reached()) return {stop.reason(), "it was stopped while counting"};

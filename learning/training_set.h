@@ -20,6 +20,9 @@ struct TrainingSet {
   TrainingSet(const Model& given, std::span<const Evidence> given_databases);
 };
 
+// Where databases state no true atom of a predicate that is to be predicted: a sentence that says how many; else nothing.
+std::string target_warning(const TrainingSet& set, PredicateId target);
+
 // What came of work on all databases; the first problem in their order.
 struct TrainingProblem {
   Termination termination = Termination::kCompleted;
