@@ -33,9 +33,10 @@ struct LearningOptions {
   bool standard_errors = false;  // from the second derivatives at the end: cubic in the weights
   // cll, ll: share of a component's sum that a bounded search may leave out, where it is too wide for elimination.
   double search_gap = 1e-3;
-  std::uint64_t seed = 1;        // mcsat
-  std::uint32_t samples = 1000;  // mcsat: kept draws an iteration
-  std::uint32_t threads = 0;     // 0: as many as the machine has; the result does not depend on it
+  std::uint64_t seed = 1;            // mcsat
+  std::uint32_t samples = 1000;      // mcsat: kept draws an iteration
+  std::string expectation = "auto";  // mcsat: the method of inference that counts; auto: sums what is narrow
+  std::uint32_t threads = 0;         // 0: as many as the machine has; the result does not depend on it
   double max_seconds = std::numeric_limits<double>::infinity();
   std::size_t max_memory = std::numeric_limits<std::size_t>::max();
 };

@@ -9,13 +9,12 @@
 
 #include "inference/inference.h"
 #include "inference/world.h"
+#include "learning/noisy_ascent.h"
 
 namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kMostIterations = 200;
-constexpr std::uint32_t kLeastIterations = 40;
-constexpr double kSmallMove = 2e-3;  // of the averaged weights in ten iterations: then it is enough
 
 // A database whose queries are its distinct feature literals.
 struct SampledDatabase {
@@ -64,14 +63,8 @@ class SampledObjective : public Objective {
 
 class PreparedSampled : public PreparedData {
  public:
-  PreparedSampled(std::vector<SampledDatabase> databases, std::size_t weight_count, const LearningOptions& options)
-      : databases_(std::move(databases)), weight_count_(weight_count) {
-    inference_.samples = options.samples;
-    inference_.threads = options.threads;
-    inference_.max_memory = options.max_memory;
-    inference_.search_gap = options.search_gap;
-    inference_.seed = options.seed;
-  }
+  PreparedSampled(std::vector<SampledDatabase> databases, std::size_t weight_count, const InferenceOptions& inference)
+      : databases_(std::move(databases)), weight_count_(weight_count), inference_(inference) {}
 
   std::unique_ptr<Objective> objective(std::span<const std::uint32_t> databases) override {
     std::vector<double> support(weight_count_, 0.0);
@@ -87,45 +80,54 @@ class PreparedSampled : public PreparedData {
                                         const OptimiserOptions& options, const StopCondition& stop) override {
     OptimiserResult result;
     result.objective = result.objective_with_prior = std::numeric_limits<double>::quiet_NaN();
-    std::vector<double> weights = start.weights, sum(weights.size(), 0.0), averaged = weights, before = weights;
-    const std::uint32_t iterations = std::min(options.max_iterations, kMostIterations);
-    double averaged_count = 0.0;
-    result.reason = fmt::format("the limit of {} iterations was reached", iterations);
-    for (std::uint32_t t = 0; t < iterations; ++t) {
-      if (!gradient(databases, weights, t, stop, result)) break;
-      const double norm = step(start, 1.0 / (1.0 + t / 10.0), weights);
-      result.iterations = t + 1;
-      result.gradient_norm = norm;
-      stop.monitor().progress(fmt::format("learning: gradient {:.2g}", norm), t + 1.0, iterations);
-      if (2 * t < iterations && t < kLeastIterations) {
-        averaged = weights;
-        continue;
-      }
-      averaged_count += 1.0;
-      for (std::size_t w = 0; w < weights.size(); ++w) {
-        sum[w] += weights[w];
-        averaged[w] = sum[w] / averaged_count;
-      }
-      if (static_cast<std::uint32_t>(averaged_count) % 10 != 0) continue;
-      double moved = 0.0;
-      for (std::size_t w = 0; w < weights.size(); ++w) moved = std::max(moved, std::abs(averaged[w] - before[w]));
-      before = averaged;
-      if (averaged_count > 10.0 && moved < kSmallMove) {
-        result.converged = true;
-        result.reason = fmt::format("the averaged weights move by less than {:g} in ten iterations", kSmallMove);
-        break;
-      }
+    result.weights = start.weights;
+    std::vector<std::uint32_t> free;
+    for (std::uint32_t w = 0; w < weight_count_; ++w) {
+      if (start.free[w]) free.push_back(w);
     }
-    result.weights = averaged;
+    if (free.empty()) {
+      result.converged = true;
+      result.reason = "no weight is free";
+      return result;
+    }
+    const auto spread = [&](const std::vector<double>& x) {
+      for (std::size_t i = 0; i < free.size(); ++i) result.weights[free[i]] = x[i];
+    };
+    const auto evaluate = [&](const std::vector<double>& x, std::uint32_t number, SampledSlope& slope) {
+      spread(x);
+      if (!gradient(databases, result.weights, number, stop, result)) return false;
+      slope.slope.resize(free.size());
+      slope.curvature.resize(free.size());
+      slope.draws = draws_;
+      for (std::size_t i = 0; i < free.size(); ++i) {
+        const Prior& prior = start.priors[free[i]];
+        slope.slope[i] = gradient_[free[i]] + prior.slope(x[i]);
+        slope.curvature[i] = std::max(curvature_[free[i]] + prior.precision(), 1e-3);
+        result.gradient_norm =
+            i == 0 ? std::abs(slope.slope[0]) : std::max(result.gradient_norm, std::abs(slope.slope[i]));
+      }
+      stop.monitor().progress(fmt::format("learning: gradient {:.2g}", result.gradient_norm), number + 1.0, 0.0);
+      return true;
+    };
+    std::vector<double> x;
+    for (const std::uint32_t w : free) x.push_back(start.weights[w]);
+    NoisyAscentOutcome outcome = noisy_ascent(
+        std::move(x), evaluate, {std::min(options.max_iterations, kMostIterations), options.gradient_tolerance});
+    spread(outcome.x);
+    result.gradient_norm = outcome.slope_norm;
+    result.iterations = outcome.evaluations;
+    result.converged = outcome.converged;
+    if (!outcome.cut_short) result.reason = outcome.reason;
     return result;
   }
 
  private:
-  // Fills gradient_ and curvature_; false where inference did not come to an end.
+  // Fills gradient_, curvature_ and draws_; false where inference did not come to an end.
   bool gradient(std::span<const std::uint32_t> databases, const std::vector<double>& weights, std::uint32_t iteration,
                 const StopCondition& stop, OptimiserResult& result) {
     gradient_.assign(weight_count_, 0.0);
     curvature_.assign(weight_count_, 0.0);
+    draws_ = std::numeric_limits<double>::infinity();
     InferenceOptions inference = inference_;
     inference.seed += iteration * 1000003ULL;
     std::vector<double> by_id;
@@ -137,9 +139,16 @@ class PreparedSampled : public PreparedData {
       const InferenceResult found = infer(reweighted(database.network, by_id), inference, stop.monitor());
       if (found.termination != Termination::kCompleted) {
         result.termination = found.termination;
-        result.reason = found.message.empty() ? "it was stopped" : found.message;
+        const bool stopped = stop.reached() || found.message.empty();
+        result.reason = stopped ? "it was stopped" : found.message;
         return false;
       }
+      if (found.marginals.size() != database.network.queries().size()) {
+        result.termination = Termination::kRefused;
+        result.reason = fmt::format("method '{}' gives no marginals to count with", inference.method);
+        return false;
+      }
+      if (found.samples > 0) draws_ = std::min(draws_, effective_draws(found));
       for (std::size_t f = 0; f < database.network.features().size(); ++f) {
         const Feature& feature = database.network.features()[f];
         if (feature.weight_id == kVirtualEvidence) continue;
@@ -153,29 +162,32 @@ class PreparedSampled : public PreparedData {
     return true;
   }
 
-  // Returns the largest entry of the gradient with the prior.
-  double step(const StartingPoint& start, double rate, std::vector<double>& weights) const {
-    double norm = 0.0;
-    for (std::size_t w = 0; w < weights.size(); ++w) {
-      if (!start.free[w]) continue;
-      const double slope = gradient_[w] + start.priors[w].slope(weights[w]);
-      norm = std::max(norm, std::abs(slope));
-      const double curvature = std::max(curvature_[w] + start.priors[w].precision(), 1e-3);
-      weights[w] += std::clamp(rate * slope / curvature, -1.0, 1.0);
-    }
-    return norm;
+  // A single literal that hardly ever changes tells little about the sums of many.
+  static double effective_draws(const InferenceResult& found) {
+    const auto draws = static_cast<double>(found.samples);
+    const bool known = found.diagnostics && found.diagnostics->ess_min;
+    return std::clamp(known ? *found.diagnostics->ess_min : draws, 0.1 * draws, draws);
   }
 
   std::vector<SampledDatabase> databases_;
   std::size_t weight_count_;
   InferenceOptions inference_;
   std::vector<double> gradient_, curvature_;
+  double draws_ = 0.0;  // fewest effective draws behind the gradient of a database; infinity: none were needed
 };
 
 }  // namespace
 
 PreparedOrProblem prepare_mcsat(const TrainingSet& set, const LearningOptions& options, bool,
                                 const StopCondition& stop) {
+  InferenceOptions inference;
+  inference.method = options.expectation;
+  inference.samples = options.samples;
+  inference.threads = options.threads;
+  inference.max_memory = options.max_memory;
+  inference.search_gap = options.search_gap;
+  inference.seed = options.seed;
+  if (std::string bad = validate(inference); !bad.empty()) return {nullptr, {Termination::kRefused, std::move(bad)}};
   std::vector<bool> open(set.mentioned.size(), false);
   for (const PredicateId p : options.discriminative) open[p.index()] = true;
   std::vector<std::optional<SampledDatabase>> made(set.databases.size());
@@ -195,7 +207,7 @@ PreparedOrProblem prepare_mcsat(const TrainingSet& set, const LearningOptions& o
       },
       [&](std::size_t d) { all.push_back(std::move(*made[d])); });
   if (problem.termination != Termination::kCompleted) return {nullptr, std::move(problem)};
-  return {std::make_unique<PreparedSampled>(std::move(all), set.weights.size(), options), {}};
+  return {std::make_unique<PreparedSampled>(std::move(all), set.weights.size(), inference), {}};
 }
 
 }  // namespace sherlog

@@ -276,6 +276,96 @@ TEST_P(Likelihood, IsLargestAtTheLearnedWeights) {
   }
 }
 
+// Sampled gradients against the exact likelihood. At the optimum of a concave function with curvature H, weights that are
+// off by H^-1 g for noise g cost g' H^-1 g / 2 nats, and the noise of n draws has a covariance of at most H / n: d free
+// weights cost d / (2 n) in the mean after one iteration. Averaging over 32 of them leaves room for draws of a chain, each
+// of which is `worth` a part of an independent one.
+void expect_near_optimum(const Model& model, const std::vector<Evidence>& databases, LearningOptions options,
+                         double worth) {
+  Monitor monitor;
+  const StopCondition stop(monitor);
+  options.method = "cll";
+  const LearningResult best = learn(model, databases, options, monitor);
+  ASSERT_EQ(best.termination, Termination::kCompleted) << best.message;
+  const TrainingSet set(model, databases);
+  const PreparedOrProblem made = find_learning_method("cll")->prepare(set, options, false, stop);
+  ASSERT_TRUE(made.data) << made.problem.message;
+  std::vector<std::uint32_t> all(databases.size());
+  std::iota(all.begin(), all.end(), 0u);
+  const auto objective = made.data->objective(all);
+  options.method = "mcsat";
+  options.samples = 2000;
+  for (const char* expectation : {"auto", "mcsat"}) {
+    options.expectation = expectation;
+    const LearningResult found = learn(model, databases, options, monitor);
+    ASSERT_EQ(found.termination, Termination::kCompleted) << found.message;
+    EXPECT_TRUE(found.converged) << expectation << " " << found.reason;
+    ASSERT_EQ(found.weights.size(), best.weights.size());
+    std::vector<double> weights, unused(found.weights.size());
+    double prior = 0.0, free = 0.0;
+    for (std::size_t w = 0; w < found.weights.size(); ++w) {
+      // It may take a formula that hard formulas decide for one that data speaks of, and never the other way round.
+      EXPECT_TRUE(found.weights[w].identified || !best.weights[w].identified) << w;
+      free += found.weights[w].identified ? 1.0 : 0.0;
+      weights.push_back(found.weights[w].weight);
+      prior += options.prior.log_density(weights.back());
+    }
+    const double gap = *best.objective_with_prior - objective->evaluate(weights, unused) - prior;
+    EXPECT_GT(gap, -1e-6) << expectation;
+    EXPECT_LT(gap, 1e-6 + free / (2.0 * worth * options.samples)) << expectation;
+  }
+}
+
+TEST(SampledLearning, ComesNearTheOptimumOfTheExactLikelihood) {
+  Monitor monitor;
+  int compared = 0;
+  for (int number = 0; number < std::min(40, random_models()); ++number) {
+    const Case c(number);
+    LearningOptions options = options_for(c, "cll");
+    options.prior.stdev = number % 3 == 0 ? 1.0 : 3.0;
+    if (learn(*c.model, c.databases, options, monitor).termination == Termination::kNoPossibleWorld) continue;
+    SCOPED_TRACE(std::to_string(number) + "\n" + c.text());
+    expect_near_optimum(*c.model, c.databases, options, 1.0);
+    ++compared;
+  }
+  EXPECT_GT(compared, 10);
+}
+
+// Friends of friends that all do the same, in formulas that overlap: a count knows a small part of its own variance.
+TEST(SampledLearning, IsNotThrownByCorrelatedCounts) {
+  for (const std::string formulas :
+       {"0 Smokes(x) ^ Smokes(x)\n0 !Smokes(x)\n0 Smokes(x) v Smokes(x)\n0 Smokes(x)\n"
+        "0 Friends(x,y) => (Smokes(x) <=> Smokes(y))\n",
+        "0 Smokes(x)\n0 Friends(x,y) ^ Smokes(x) ^ Smokes(y)\n0 Friends(x,y) ^ Smokes(x)\n"
+        "0 Friends(x,y) ^ !Smokes(x) ^ !Smokes(y)\n0 Friends(x,y) ^ Friends(y,z) ^ Smokes(x) ^ Smokes(z)\n"}) {
+    Writer random(41);
+    std::string data;
+    for (int d = 0; d < 6; ++d) {
+      data += (d > 0 ? "---\n" : "") + std::string("person = {A, B, C, D, E, F, G, H}\n");
+      const double share = d % 2 == 0 ? 0.85 : 0.15;
+      for (char x = 'A'; x <= 'H'; ++x) {
+        if (random.coin(share)) data += std::string("Smokes(") + x + ")\n";
+        for (char y = 'A'; y <= 'H'; ++y) {
+          if (x != y && random.coin(0.5)) data += std::string("Friends(") + x + "," + y + ")\n";
+        }
+      }
+    }
+    Diagnostics diagnostics;
+    const auto model = parse_model("Smokes(person)\nFriends(person,person)\n" + formulas, "m.mln", diagnostics);
+    ASSERT_TRUE(model) << diagnostics.render();
+    const auto databases = parse_evidence(*model, data, "t.db", diagnostics);
+    ASSERT_TRUE(databases) << diagnostics.render();
+    LearningOptions options;
+    options.discriminative = {*model->find_predicate("Smokes")};
+    options.threads = 1;
+    for (const double stdev : {1.0, 10.0}) {
+      options.prior.stdev = stdev;
+      SCOPED_TRACE(formulas + std::to_string(stdev));
+      expect_near_optimum(*model, *databases, options, 0.25);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Methods, Likelihood, testing::Values("pll", "bpll", "dpll", "cll", "ll"),
                          [](const auto& method) { return std::string(method.param); });
 
