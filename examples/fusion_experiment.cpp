@@ -41,18 +41,18 @@ struct Candidate {
   std::string name, file, method;
   bool tuned = true;       // priors chosen by nested folds; else standard deviation 10, as published
   std::size_t pairs = 0;   // how many of its last formulas are about pairs
-  bool as_before = false;  // the priors that the candidate before it was given: same formulas, same search
+  bool as_before = false;  // the priors of the candidate before it stay; what they leave open is searched
 };
 
 std::vector<Candidate> candidates() {
   return {
       {"published model, PLL, stdev 10", "paper.mln", "pll", false, 1},
       {"published model without pairs", "paper_alone.mln", "dpll"},
-      {"published model, DPLL", "paper.mln", "dpll", true, 1},
+      {"published model, DPLL", "paper.mln", "dpll", true, 1, true},
       {"published model, PLL", "paper.mln", "pll", true, 1, true},
       {"logistic regression on annotations", "annotations.mln", "dpll"},
       {"extended model without pairs", "extended_alone.mln", "dpll"},
-      {"extended model, CLL", "extended.mln", "cll", true, 1},
+      {"extended model, CLL", "extended.mln", "cll", true, 1, true},
       {"extended model, PLL", "extended.mln", "pll", true, 1, true},
   };
 }
@@ -206,16 +206,14 @@ Run run_candidate(const Candidate& candidate, const Model& model, std::span<cons
   options.inference.seed = seed;
   options.inference.search_gap = 1e-4;
   options.tuning_method = "dpll";
+  options.tuning_folds = 3;
   if (candidate.tuned) {
-    // Alone, each object is cheap: a finer grid. With pairs each grid starts in its middle, as the first group is set
-    // while the second holds its first value.
+    // What speaks of one object gets its prior from the model without pairs, the pairs after that.
     TuningGroup evidence, pairs;
     if (settings.quick) {
       evidence.stdevs = {3.0}, pairs.stdevs = {0.5};
-    } else if (candidate.pairs == 0) {
-      evidence.stdevs = {1.0, 1.5, 2.0, 3.0, 4.0, 6.0};
     } else {
-      evidence.stdevs = {3.0, 4.0, 2.0, 6.0}, pairs.stdevs = {0.35, 0.5, 0.25, 0.7};
+      evidence.stdevs = {1.0, 1.5, 2.0, 3.0, 4.0, 6.0}, pairs.stdevs = {0.5, 0.3, 0.8};
     }
     const std::size_t count = model.formulas().size();
     for (std::size_t f = 0; f < count; ++f) {

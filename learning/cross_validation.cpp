@@ -64,8 +64,8 @@ class CrossValidation {
     const bool chosen = options_.chosen_stdevs.empty() ||
                         (options_.chosen_stdevs.size() == options_.folds &&
                          std::ranges::all_of(options_.chosen_stdevs,
-                                             [&](const auto& s) { return s.size() == options_.tuning.size(); }));
-    if (!chosen) return fail(Termination::kRefused, "chosen_stdevs needs one number for each fold and tuning group");
+                                             [&](const auto& s) { return s.size() <= options_.tuning.size(); }));
+    if (!chosen) return fail(Termination::kRefused, "chosen_stdevs has not one row for each fold, of a number a group");
     return check_folds();
   }
 
@@ -98,8 +98,7 @@ class CrossValidation {
     if (!made.data) return fail(std::move(made.problem));
     data_ = std::move(made.data);
     tuning_data_ = data_.get();
-    const bool search = !options_.tuning.empty() && options_.chosen_stdevs.empty();
-    if (search && !options_.tuning_method.empty() && options_.tuning_method != learning_.method) {
+    if (!options_.tuning.empty() && !options_.tuning_method.empty() && options_.tuning_method != learning_.method) {
       LearningOptions tuning = learning_;
       tuning.method = options_.tuning_method;
       tuning.discriminative.clear();
@@ -220,18 +219,19 @@ class CrossValidation {
 
   bool tune(const Databases& train, LearningOptions& learning, FoldResult& fold) {
     if (options_.tuning.empty()) return true;
-    if (!options_.chosen_stdevs.empty()) {
-      fold.stdevs = options_.chosen_stdevs[result_.folds.size()];
-      learning = with_stdevs(learning, fold.stdevs);
-      return true;
-    }
     const std::uint32_t inner_folds =
         std::min<std::uint32_t>(options_.tuning_folds, static_cast<std::uint32_t>(train.size()));
     const std::vector<std::uint32_t> inner = deal_folds(train.size(), inner_folds, options_.seed);
     fold.stdevs.clear();
     for (const TuningGroup& group : options_.tuning) fold.stdevs.push_back(group.stdevs.front());
+    std::size_t given = 0;
+    if (!options_.chosen_stdevs.empty()) {
+      const std::vector<double>& chosen = options_.chosen_stdevs[result_.folds.size()];
+      std::ranges::copy(chosen, fold.stdevs.begin());
+      given = chosen.size();
+    }
     for (std::uint32_t round = 0; round < options_.tuning_rounds; ++round) {
-      for (std::size_t g = 0; g < options_.tuning.size(); ++g) {
+      for (std::size_t g = given; g < options_.tuning.size(); ++g) {
         double best_loss = std::numeric_limits<double>::infinity(), best = fold.stdevs[g];
         if (options_.tuning[g].stdevs.size() < 2) continue;
         for (const double stdev : options_.tuning[g].stdevs) {

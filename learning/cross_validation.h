@@ -38,7 +38,8 @@ struct CrossValidationOptions {
   std::string tuning_method;  // of the inner learning; empty: the same
   std::uint32_t tuning_folds = 4;
   std::uint32_t tuning_rounds = 1;  // through all groups
-  // By fold and tuning group, as an earlier run with these folds chose them (FoldResult::stdevs): there is no search then.
+  // By fold, for its first tuning groups, as an earlier run with these folds chose them (FoldResult::stdevs): only the other
+  // groups are searched.
   std::vector<std::vector<double>> chosen_stdevs;
 };
 

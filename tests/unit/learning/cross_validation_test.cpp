@@ -275,6 +275,10 @@ TEST(Tuning, ChoiceMayBeHandedOn) {
   for (std::size_t i = 0; i < given.predictions.size(); ++i) {
     EXPECT_EQ(given.predictions[i].probabilities, searched.predictions[i].probabilities);
   }
+  // A part of it too: what is left open is searched as before.
+  for (std::vector<double>& row : options.chosen_stdevs) row.pop_back();
+  const CrossValidationResult rest = run(data, options);
+  for (std::size_t f = 0; f < rest.folds.size(); ++f) EXPECT_EQ(rest.folds[f].stdevs, searched.folds[f].stdevs);
   // It is the choice that counts: another one gives other answers, and is reported as it was given.
   options.chosen_stdevs.assign(3, {0.01, 0.01});
   const CrossValidationResult other = run(data, options);
@@ -325,8 +329,8 @@ TEST(Tuning, BadChoicesAreRefused) {
   EXPECT_THAT(message([](auto& o) { o.tuning[0].stdevs = {1.0, 0.0}; }), HasSubstr("above 0"));
   EXPECT_THAT(message([](auto& o) { o.tuning[0].stdevs = {-1.0}; }), HasSubstr("above 0"));
   EXPECT_THAT(message([](auto& o) { o.tuning[1].stdevs.clear(); }), HasSubstr("standard deviations to choose from"));
-  EXPECT_THAT(message([](auto& o) { o.chosen_stdevs = {{1.0, 1.0}}; }), HasSubstr("each fold and tuning group"));
-  EXPECT_THAT(message([](auto& o) { o.chosen_stdevs.assign(3, {1.0}); }), HasSubstr("each fold and tuning group"));
+  EXPECT_THAT(message([](auto& o) { o.chosen_stdevs = {{1.0, 1.0}}; }), HasSubstr("one row for each fold"));
+  EXPECT_THAT(message([](auto& o) { o.chosen_stdevs.assign(3, {1.0, 1.0, 1.0}); }), HasSubstr("one row for each fold"));
   EXPECT_THAT(message([](auto& o) { o.tuning_method = "guess"; }), HasSubstr("'guess'"));
 }
 
