@@ -4,7 +4,10 @@
 //   parse_evidence ───────┼─ ground -> GroundNetwork ─ infer -> InferenceResult
 //   parse_query ──────────┘
 //
-// examples/infer_in_ten_lines.cpp is a whole program.
+//   Model + training databases ─ learn -> LearningResult ─ learned_model_text -> a new model
+//   Model + databases ─ cross_validate -> CrossValidationResult
+//
+// examples/infer_in_ten_lines.cpp and examples/learn_weights.cpp are whole programs.
 #pragma once
 
 #include "grounding/export.h"
@@ -14,7 +17,10 @@
 #include "inference/explain.h"
 #include "inference/inference.h"
 #include "learning/confusion_report.h"
+#include "learning/cross_validation.h"
 #include "learning/evaluation.h"
+#include "learning/learn.h"
+#include "learning/learned_model.h"
 #include "mln/convert.h"
 #include "mln/diagnostics.h"
 #include "mln/evidence.h"

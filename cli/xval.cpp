@@ -202,7 +202,7 @@ int validate_and_write(Session& session, const Arguments& arguments) {
   const auto target = find_predicate(session, *model, "-q", arguments.options.queries[0]);
   if (!target) return kBadInput;
   LearningArguments learning = arguments.learning;
-  if (learning.discriminative.empty()) learning.discriminative = {arguments.options.queries[0]};
+  learning.discriminative = {arguments.options.queries[0]};
   for (const LearningMethodInfo& info : learning_methods()) {
     if (info.name == learning.method && !info.discriminative) learning.discriminative.clear();
   }
@@ -257,7 +257,8 @@ void add_xval(CLI::App& app, Action& action) {
       ->add_option("--fold-file", arguments->fold_file,
                    "The fold (1, 2, ...) of each database, separated by white space, in place of --folds")
       ->type_name("FILE");
-  add_learning_options(*command, arguments->learning);
+  arguments->learning.method = "cll";
+  add_learning_options(*command, arguments->learning, false);  // what is asked is what is to be predicted
   command
       ->add_option("--tune", arguments->tuning,
                    "FORMULAS=STDEVS, e.g. 1-6,8=0.5,1,2: these soft formulas share the standard deviation that does "
@@ -281,7 +282,6 @@ void add_xval(CLI::App& app, Action& action) {
   command->add_option("--predictions", arguments->predictions, "What was predicted for each example, as CSV")
       ->type_name("FILE");
   add_common_options(*command, arguments->options);
-  arguments->learning.method = "cll";
   command->callback([arguments, &action] { action = [arguments] { return run_xval(*arguments); }; });
 }
 

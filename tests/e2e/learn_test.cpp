@@ -533,6 +533,7 @@ TEST_F(Learning, XvalWantsOnePredicate) {
   expect_refused("xval -m m.mln -t t.db", "--query");
   expect_refused("xval -m m.mln -t t.db -q object -q shape", "the one predicate");
   expect_refused("xval -m m.mln -t t.db -q objects", "did you mean 'object'?");
+  expect_refused("xval -m m.mln -t t.db -q object --discriminative shape", "--discriminative");
   scratch.write("unused.mln", std::string(kKitchen) + "spare(cluster)\n");
   expect_refused("xval -m unused.mln -t t.db -q spare --folds 2", "no formula mentions 'spare'");
 }
