@@ -39,6 +39,11 @@ std::string outcome_text(const LearningResult& result) {
                      result.reason);
 }
 
+// A model without soft formulas has all of its none.
+bool has_weights(const LearningResult& result) {
+  return !result.weights.empty() || result.termination == Termination::kCompleted;
+}
+
 std::string databases_text(const LearningResult& result) {
   return fmt::format("{} database{}", result.databases, result.databases == 1 ? "" : "s");
 }
@@ -74,7 +79,7 @@ Json learn_json(const LearningResult& result) {
   }
   if (result.options.prior.l1 > 0.0) prior["l1"] = result.options.prior.l1;
   json["prior"] = std::move(prior);
-  if (!result.weights.empty()) {
+  if (has_weights(result)) {
     json["converged"] = result.converged;
     json["reason"] = result.reason;
     json["iterations"] = result.iterations;
@@ -100,7 +105,7 @@ Json learn_json(const LearningResult& result) {
 }
 
 std::string learn_text(const LearningResult& result, const Arguments& arguments) {
-  if (result.weights.empty()) return "";  // what is wrong has been said
+  if (!has_weights(result)) return "";  // what is wrong has been said
   std::string text = fmt::format("method {}: {} weights from {}; {} ({:.3f} s)\n", result.method, result.weights.size(),
                                  databases_text(result), to_string(result.termination), result.seconds.total);
   text += outcome_text(result) + "\n";
@@ -139,9 +144,9 @@ int learn_and_write(Session& session, const Arguments& arguments) {
   session.release_memory();
   for (const std::string& warning : result.warnings) session.warning(warning);
   if (result.termination != Termination::kCompleted) {
-    session.error(result.message + (result.weights.empty() ? "" : "; the weights are the best so far"));
+    session.error(result.message + (!has_weights(result) ? "" : "; the weights are the best so far"));
   }
-  if (!result.weights.empty()) {
+  if (has_weights(result)) {
     std::vector<double> weights;
     for (const LearnedWeight& learned : result.weights) weights.push_back(learned.weight);
     const WeightTable table(*result.model);

@@ -14,6 +14,7 @@
 namespace sherlog {
 namespace {
 
+constexpr std::uint32_t kMostIterations = 1000000000;
 constexpr std::size_t kMostErrors = 4000;  // standard errors take the cube of this
 
 class Learning {
@@ -45,6 +46,9 @@ class Learning {
     if (set_.databases.empty()) return fail(Termination::kRefused, "there is no training data");
     if (std::string problem = training_problem(set_.model, set_.databases, set_.mentioned); !problem.empty()) {
       return fail(Termination::kRefused, std::move(problem));
+    }
+    if (set_.weights.size() == 0) {
+      result_.warnings.push_back("there is no weight to learn: no soft formula, or no constants for its templates");
     }
     for (const PredicateId p : options_.discriminative) warn_about_target(p);
     return true;
@@ -235,6 +239,9 @@ std::string validate(const LearningOptions& options) {
     if (std::string problem = prior_problem(prior); !problem.empty()) return problem;
   }
   if (options.optimiser.max_iterations == 0) return "--max-iterations: 0 is less than 1";
+  if (options.optimiser.max_iterations > kMostIterations) {
+    return fmt::format("--max-iterations: {} is more than {}", options.optimiser.max_iterations, kMostIterations);
+  }
   if (!(options.optimiser.gradient_tolerance > 0.0)) {
     return fmt::format("--tolerance: {} is not above 0", options.optimiser.gradient_tolerance);
   }

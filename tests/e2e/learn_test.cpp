@@ -344,6 +344,7 @@ TEST_F(Learning, WrongUsageSaysWhatIsPossible) {
   expect_refused(command + "--method cll --discriminative objekt", "did you mean 'object'?");
   expect_refused(command + "--block object", "no use for --block");
   expect_refused(command + "--max-iterations 0", "--max-iterations: 0 is less than 1");
+  expect_refused(command + "--max-iterations 4294967295", "is more than");
   expect_refused(command + "--tolerance 0", "--tolerance: 0 is not above 0");
   expect_refused(command + "--method mcsat --discriminative object --samples 0", "--samples");
   expect_refused("learn -m - -t - -o out.mln", "standard input ('-') can be read only once");
@@ -353,8 +354,12 @@ TEST_F(Learning, WrongUsageSaysWhatIsPossible) {
   expect_refused("learn -m m.mln -t t.db", "--output");
   scratch.write("soft.mln", "object(cluster, kind!)\nobject(c, A) v !object(c, A).\n");
   scratch.write("soft.db", "object(C1, A)\nobject(C2, B)\n");
-  const Json nothing = learn("-m soft.mln -t soft.db");  // no soft formula: nothing to learn, and no complaint
-  EXPECT_TRUE(nothing["weights"].empty());
+  // Nothing to learn is no error; the model is written as it is.
+  const Outcome nothing = run("learn -m soft.mln -t soft.db -o out.mln");
+  EXPECT_EQ(nothing.code, 0);
+  EXPECT_THAT(nothing.err, HasSubstr("there is no weight to learn"));
+  EXPECT_THAT(nothing.out, HasSubstr("0 weights"));
+  EXPECT_THAT(scratch.read("out.mln"), HasSubstr("object(c, A) v !object(c, A)."));
 }
 
 TEST_F(Learning, OutputsAreCheckedBeforeTheWork) {
