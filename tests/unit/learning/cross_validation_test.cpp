@@ -279,6 +279,11 @@ TEST(Tuning, ChoiceMayBeHandedOn) {
   for (std::vector<double>& row : options.chosen_stdevs) row.pop_back();
   const CrossValidationResult rest = run(data, options);
   for (std::size_t f = 0; f < rest.folds.size(); ++f) EXPECT_EQ(rest.folds[f].stdevs, searched.folds[f].stdevs);
+  // In part: the second group is searched as before.
+  for (std::vector<double>& chosen : options.chosen_stdevs) chosen.resize(1);
+  const CrossValidationResult in_part = run(data, options);
+  ASSERT_EQ(in_part.folds.size(), searched.folds.size());
+  for (std::size_t f = 0; f < in_part.folds.size(); ++f) EXPECT_EQ(in_part.folds[f].stdevs, searched.folds[f].stdevs);
   // It is the choice that counts: another one gives other answers, and is reported as it was given.
   options.chosen_stdevs.assign(3, {0.01, 0.01});
   const CrossValidationResult other = run(data, options);
