@@ -17,6 +17,7 @@ void add_learn(CLI::App& app, Action& action);
 void add_xval(CLI::App& app, Action& action);
 void add_convert(CLI::App& app, Action& action);
 void add_scenes(CLI::App& app, Action& action);
+void add_track(CLI::App& app, Action& action);
 void add_advise(CLI::App& app, Action& action);
 
 }  // namespace sherlog::cli

@@ -86,6 +86,7 @@ int run(int argc, char** argv) {
   sherlog::cli::add_xval(app, action);
   sherlog::cli::add_convert(app, action);
   sherlog::cli::add_scenes(app, action);
+  sherlog::cli::add_track(app, action);
   sherlog::cli::add_advise(app, action);
   app.footer(
       "Exit codes: 0 done; 1 internal error; 2 bad usage or input; 3 no possible world; 4 a limit was reached;\n"

@@ -9,6 +9,7 @@
 
 #include "inference/exact.h"
 #include "inference/group_lifting.h"
+#include "inference/matching.h"
 #include "inference/mcsat.h"
 #include "inference/soft_targets.h"
 
@@ -17,8 +18,25 @@ namespace {
 
 // It tries bounded search on wide components until that has failed so often.
 constexpr int kAutoFailedSearches = 16;
+// Components with fewer variables than this are summed at once anyway.
+constexpr std::size_t kLeastMatching = 32;
 constexpr double kConvergedRhat = 1.01;      // Vehtari et al. 2021, section 4
 constexpr double kConvergedEssPerChain = 100.0;
+
+// Takes over what `part` says about these components, which `result` leaves alone.
+void merge(const GroundNetwork& network, std::span<const ComponentId> components, MethodResult part,
+           MethodResult& result) {
+  for (ComponentId c : components) {
+    for (std::uint32_t q : network.component_queries(c)) {
+      if (q < part.marginals.size()) result.marginals[q] = part.marginals[q];
+    }
+  }
+  if (!part.log_partition) result.log_partition.reset();
+  if (result.log_partition) *result.log_partition += *part.log_partition;
+  result.termination = part.termination;
+  result.message = std::move(part.message);
+  result.conflict = std::move(part.conflict);
+}
 
 // Marginals, by the chosen method or by `auto`'s choice for each component.
 MethodResult run_marginals(const MethodContext& context, const Method* method, std::string& used) {
@@ -26,9 +44,17 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
     used = method->name;
     return method->run(context);
   }
-  std::vector<ComponentId> narrow, wide;
+  std::vector<ComponentId> matchings, narrow, wide;
+  std::vector<MatchingStructure> structures;
   int failed_searches = 0;
   for (ComponentId c : context.components) {
+    if (context.network.component_variables(c).size() >= kLeastMatching) {
+      if (auto structure = narrow_matching(context.network, c, context.options)) {
+        matchings.push_back(c);
+        structures.push_back(*std::move(structure));
+        continue;
+      }
+    }
     const ExactCost cost = exact_cost(context.network, c, context.options);
     bool exact = !cost.possible || (cost.feasible && cost.total_log2 <= kQuickLog2);
     if (!exact && !cost.feasible && failed_searches < kAutoFailedSearches) {
@@ -37,9 +63,15 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
     }
     (exact ? narrow : wide).push_back(c);
   }
-  used = wide.empty() ? "exact" : narrow.empty() ? "mcsat" : "exact+mcsat";
+  used = wide.empty() ? "exact" : narrow.empty() && matchings.empty() ? "mcsat" : "exact+mcsat";
   const InferenceOptions& options = context.options;
   MethodResult result = run_exact({context.network, narrow, options, context.stop, context.atom_bias});
+  if (result.termination == Termination::kCompleted && !matchings.empty()) {
+    if (wide.empty()) used = "matching";
+    merge(context.network, matchings,
+          run_matching({context.network, matchings, options, context.stop, context.atom_bias}, std::move(structures)),
+          result);
+  }
   if (wide.empty()) return result;
   if (result.termination != Termination::kCompleted) {
     for (ComponentId c : wide) {

@@ -1,0 +1,65 @@
+#include "cli/track_options.h"
+
+#include <fmt/format.h>
+
+#include "mln/text_file.h"
+#include "perception_bridge/baseline_matchers.h"
+
+namespace sherlog::cli {
+
+void add_world_file_options(CLI::App& command, TrackOptions& options) {
+  command
+      .add_option("--config", options.config_file,
+                  "The simulated world as a JSON file: any of the parameters that --json lists under config")
+      ->type_name("FILE");
+  command.add_option("--objects", options.objects, "Objects in the world (default 15)")->type_name("N")->check(whole_number(1000));
+  command.add_option("--trials", options.trials, "Trials, of each cell (default 1000)")
+      ->type_name("N")
+      ->check(whole_number(100000000));
+}
+
+std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions& options) {
+  FourTablesConfig config;
+  if (!options.config_file.empty()) {
+    const TextFile file = load_text_file(options.config_file);
+    if (!file.text) return session.error(fmt::format("--config: {}", file.problem)), std::nullopt;
+    if (const std::string problem = sherlog::read_config(*file.text, config); !problem.empty()) {
+      return session.error(fmt::format("{}: {}", options.config_file, problem)), std::nullopt;
+    }
+  }
+  if (options.objects) config.objects = *options.objects;
+  if (options.actions) config.actions = *options.actions;
+  if (options.noise) config.noise = *options.noise;
+  if (const std::string problem = validate(config); !problem.empty()) return session.error(problem), std::nullopt;
+  if (options.trials == 0) return session.error("--trials: at least 1 is needed"), std::nullopt;
+  return config;
+}
+
+std::vector<std::string> matcher_names() { return {"generative", "hungarian", "nearest"}; }
+
+std::unique_ptr<Matcher> make_matcher(Session&, const std::string& name, const FourTablesConfig& config) {
+  if (name == "generative") return generative_matcher(config);
+  if (name == "hungarian") return hungarian_matcher();
+  return nearest_neighbour_matcher();
+}
+
+std::string share_text(const GroupedShare& share) {
+  if (share.total() == 0) return "-";
+  const auto [low, high] = share.interval();
+  return fmt::format("{:.4f} ({:.4f}-{:.4f})", share.rate(), low, high);
+}
+
+Json share_json(const GroupedShare& share) {
+  Json json;
+  json["right"] = share.right();
+  json["total"] = share.total();
+  if (share.total() == 0) return json;
+  json["rate"] = share.rate();
+  const auto [low, high] = share.interval();
+  json["interval95"] = {low, high};
+  return json;
+}
+
+Json config_json(const FourTablesConfig& config) { return Json::parse(to_json(config)); }
+
+}  // namespace sherlog::cli

@@ -1,0 +1,40 @@
+// What the track commands share: the world they simulate and the matchers they compare.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/report.h"
+#include "cli/session.h"
+#include "perception_bridge/four_tables.h"
+#include "perception_bridge/identity_belief.h"
+#include "perception_bridge/track_score.h"
+
+namespace sherlog::cli {
+
+struct TrackOptions {
+  std::string config_file;
+  std::optional<std::uint32_t> objects, actions;
+  std::optional<double> noise;
+  std::uint64_t trials = 1000;
+};
+
+void add_world_file_options(CLI::App& command, TrackOptions& options);  // --config --objects --trials
+
+// The defaults, then the file, then the options; nothing after saying what is wrong.
+std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions& options);
+
+// The names that --matcher knows.
+std::vector<std::string> matcher_names();
+// One by its name, for that world; nothing after saying what is wrong.
+std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const FourTablesConfig& config);
+
+// "0.968 +-0.004"
+std::string share_text(const GroupedShare& share);
+Json share_json(const GroupedShare& share);
+Json config_json(const FourTablesConfig& config);
+
+}  // namespace sherlog::cli

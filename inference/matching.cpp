@@ -1,0 +1,405 @@
+#include "inference/matching.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "inference/assignment.h"
+#include "inference/conflict.h"
+#include "inference/exact.h"
+#include "inference/matching_sum.h"
+
+namespace sherlog {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kForced = 0x1p20;      // nats
+constexpr double kMostWeight = 0x1p14;  // beyond this in size, sums of weights could compete with kForced
+constexpr double kMostTableLog2 = 24.0; // entries of the sum's table: 128 MB
+constexpr std::uint64_t kConflictDecisions = 100000;
+
+// One cluster with its pair or row on, or off.
+struct ClusterState {
+  double log_weight = -kInfinity;   // log of the sum, or the maximum
+  std::vector<double> probability;  // sums: by query of the cluster
+  std::vector<std::uint32_t> best;  // maxima: by variable of the cluster
+};
+using ClusterStates = std::array<ClusterState, 2>;  // off, on
+
+// Enumerates the joint values of one cluster.
+class ClusterSum {
+ public:
+  ClusterSum(const GroundNetwork& network, const MatchingStructure& structure, std::span<const double> atom_bias)
+      : network_(network), structure_(structure), bias_(atom_bias), values_(network.variable_count(), 0) {}
+
+  ClusterStates run(const MatchingCluster& cluster, bool maximise) {
+    ClusterStates states;
+    worlds_.clear();
+    for_each_world(cluster, [&](std::size_t on) {
+      const double score = score_of(cluster);
+      worlds_.push_back(score);
+      ClusterState& state = states[on];
+      if (score <= state.log_weight) return;
+      state.log_weight = score;
+      if (!maximise) return;
+      state.best.clear();
+      for (VariableId v : cluster.variables) state.best.push_back(values_[v.index()]);
+    });
+    if (!maximise) sum(cluster, states);
+    return states;
+  }
+
+ private:
+  // log_weight is the largest score so far.
+  void sum(const MatchingCluster& cluster, ClusterStates& states) {
+    std::array<double, 2> total = {0, 0};
+    for (ClusterState& s : states) s.probability.assign(cluster.queries.size(), 0.0);
+    std::size_t world = 0;
+    for_each_world(cluster, [&](std::size_t on) {
+      const double score = worlds_[world++];
+      if (score == -kInfinity) return;
+      const double weight = std::exp(score - states[on].log_weight);
+      total[on] += weight;
+      for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
+        if (is_true(network_.queries()[cluster.queries[q]].literal)) states[on].probability[q] += weight;
+      }
+    });
+    for (std::size_t on = 0; on < 2; ++on) {
+      if (total[on] == 0) continue;
+      states[on].log_weight += std::log(total[on]);
+      for (double& p : states[on].probability) p /= total[on];
+    }
+  }
+
+  // Calls f(1) with values where the pair or row is on, f(0) where it is off.
+  template <class F>
+  void for_each_world(const MatchingCluster& cluster, const F& f) {
+    if (cluster.cell != kNoGroup) {
+      const MatchingCell& cell = structure_.cells[cluster.cell];
+      for_each_value(cluster, [&] { f(cell.on[values_[cell.anchor.index()]] ? 1 : 0); });
+      return;
+    }
+    for (const bool on : {false, true}) {
+      group_on_ = on;
+      for_each_value(cluster, [&] { f(on ? 1 : 0); });
+    }
+  }
+
+  template <class F>
+  void for_each_value(const MatchingCluster& cluster, const F& f) {
+    for (VariableId v : cluster.variables) values_[v.index()] = 0;
+    for (std::size_t i = 0; i < cluster.variables.size() || i == 0;) {
+      f();
+      for (i = 0; i < cluster.variables.size(); ++i) {
+        const VariableId v = cluster.variables[i];
+        if (++values_[v.index()] < network_.value_count(v)) break;
+        values_[v.index()] = 0;
+      }
+      if (i == cluster.variables.size()) return;
+    }
+  }
+
+  double score_of(const MatchingCluster& cluster) const {
+    for (std::uint32_t c : cluster.constraints) {
+      if (!is_true(network_.constraints()[c].literal)) return -kInfinity;
+    }
+    double score = 0;
+    for (std::uint32_t f : cluster.features) {
+      const Feature& feature = network_.features()[f];
+      if (is_true(feature.literal)) score += feature.weight;
+    }
+    if (bias_.empty()) return score;
+    for (VariableId v : cluster.variables) {
+      const std::uint32_t value = values_[v.index()];
+      if (value < network_.candidate_count(v)) score += bias_[network_.first_atom(v).index() + value];
+    }
+    return score;
+  }
+
+  bool is_true(Literal literal) const {
+    if (literal.is_constant()) return literal == Literal::constant(true);
+    if (literal.is_atom()) {
+      return (values_[network_.variable_of(literal.atom()).index()] == network_.value_of(literal.atom())) !=
+             literal.negated();
+    }
+    const GateId gate = literal.gate();
+    const bool grouped = structure_.group_of_gate[gate.index()] != kNoGroup;
+    std::uint32_t count = grouped && group_on_ ? 1 : 0;
+    for (Literal input : network_.gate_inputs(gate)) {
+      if (grouped && input.is_atom() && structure_.cell_of[network_.variable_of(input.atom()).index()] != kNoGroup) {
+        continue;  // group_on_ speaks for it
+      }
+      count += is_true(input) ? 1u : 0u;
+    }
+    return gate_truth(network_.gate_kind(gate), count) != literal.negated();
+  }
+
+  const GroundNetwork& network_;
+  const MatchingStructure& structure_;
+  std::span<const double> bias_;
+  std::vector<std::uint32_t> values_;  // by variable of the network
+  std::vector<double> worlds_;         // scores, in the order of the enumeration
+  bool group_on_ = false;
+};
+
+// The component as a weighted bipartite matching.
+struct WeightedMatching {
+  Termination termination = Termination::kCompleted;
+  std::string message;
+  std::vector<ClusterStates> states;  // by cluster
+  double log_base = 0.0;              // everything off
+  std::vector<double> log_weights;    // rows x columns
+  std::size_t forced = 0;             // each adds kForced to every matching that is possible
+};
+
+class Weigher {
+ public:
+  Weigher(const GroundNetwork& network, const MatchingStructure& structure, std::span<const double> atom_bias)
+      : structure_(structure), sums_(network, structure, atom_bias) {}
+
+  WeightedMatching run(bool maximise) {
+    out_.log_weights.assign(std::size_t{structure_.rows} * structure_.columns, -kInfinity);
+    std::vector<double> row(structure_.rows, 0.0), column(structure_.columns, 0.0);
+    for (const MatchingCluster& cluster : structure_.clusters) {
+      out_.states.push_back(sums_.run(cluster, maximise));
+      const double change = weigh(out_.states.back());
+      if (out_.termination != Termination::kCompleted) return std::move(out_);
+      if (cluster.group != kNoGroup) {
+        const MatchingGroup& group = structure_.groups[cluster.group];
+        (group.is_row ? row : column)[group.number] += change;
+      } else {
+        const MatchingCell& cell = structure_.cells[cluster.cell];
+        out_.log_weights[std::size_t{cell.row} * structure_.columns + cell.column] = change;
+      }
+    }
+    for (std::size_t r = 0; r < row.size(); ++r) {
+      for (std::size_t c = 0; c < column.size(); ++c) out_.log_weights[r * column.size() + c] += row[r] + column[c];
+    }
+    return std::move(out_);
+  }
+
+ private:
+  // What being on adds; what being off weighs goes to log_base.
+  double weigh(const ClusterStates& states) {
+    const double off = states[0].log_weight, on = states[1].log_weight;
+    if (off == -kInfinity && on == -kInfinity) return stop(Termination::kNoPossibleWorld, "");
+    if (on == -kInfinity) {
+      out_.log_base += off;
+      return -kInfinity;
+    }
+    if (off == -kInfinity) {
+      ++out_.forced;
+      out_.log_base += on;
+      return kForced;
+    }
+    if (std::abs(on - off) > kMostWeight) return stop(Termination::kRefused, "its weights are too large for a matching");
+    out_.log_base += off;
+    return on - off;
+  }
+
+  double stop(Termination termination, std::string message) {
+    out_.termination = termination;
+    out_.message = std::move(message);
+    return 0;
+  }
+
+  const MatchingStructure& structure_;
+  ClusterSum sums_;
+  WeightedMatching out_;
+};
+
+// Whether a matching that gains so much has all that is forced.
+bool all_forced(double gain, std::size_t forced) { return gain > (static_cast<double>(forced) - 0.5) * kForced; }
+
+std::size_t shorter(const MatchingStructure& s) { return std::min(s.rows, s.columns); }
+
+// P(on) of each cluster's pair or row.
+std::vector<double> probability_of_on(const MatchingStructure& structure, const MatchingSum& sum) {
+  std::vector<double> row(structure.rows, 0.0), column(structure.columns, 0.0), out;
+  for (std::size_t r = 0; r < row.size(); ++r) {
+    for (std::size_t c = 0; c < column.size(); ++c) {
+      row[r] += sum.paired[r * column.size() + c];
+      column[c] += sum.paired[r * column.size() + c];
+    }
+  }
+  for (const MatchingCluster& cluster : structure.clusters) {
+    if (cluster.group != kNoGroup) {
+      const MatchingGroup& group = structure.groups[cluster.group];
+      out.push_back(std::min(1.0, (group.is_row ? row : column)[group.number]));
+    } else {
+      const MatchingCell& cell = structure.cells[cluster.cell];
+      out.push_back(sum.paired[std::size_t{cell.row} * structure.columns + cell.column]);
+    }
+  }
+  return out;
+}
+
+struct ComponentAnswer {
+  Termination termination = Termination::kCompleted;
+  std::string message;
+  double log_partition = 0.0;
+};
+
+ComponentAnswer answer(const MethodContext& context, const MatchingStructure& structure, std::vector<Marginal>& marginals) {
+  const auto stopped = [](Termination t, std::string message) { return ComponentAnswer{t, std::move(message), 0.0}; };
+  if (!structure.found()) return stopped(Termination::kRefused, structure.problem);
+  if (matching_sum_log2(structure.rows, structure.columns) > std::min(kMostTableLog2, context.options.max_table_log2)) {
+    return stopped(Termination::kTooWide, fmt::format("a matching of {} x {} is too wide for exact marginals",
+                                                      structure.rows, structure.columns));
+  }
+  const double bytes = 8 * std::exp2(matching_sum_log2(structure.rows, structure.columns));
+  if (bytes > static_cast<double>(context.options.max_memory)) {
+    return stopped(Termination::kMemoryLimit, fmt::format("a matching of {} x {} needs {:.0f} MB", structure.rows,
+                                                          structure.columns, std::ceil(bytes / 1e6)));
+  }
+  const WeightedMatching weighted = Weigher(context.network, structure, context.atom_bias).run(false);
+  if (weighted.termination != Termination::kCompleted) return stopped(weighted.termination, weighted.message);
+  const MatchingSum sum = matching_sum(weighted.log_weights, structure.rows, structure.columns, context.stop);
+  if (sum.paired.empty()) return stopped(context.stop.reason(), "");
+  if (!all_forced(sum.log_total, weighted.forced)) return stopped(Termination::kNoPossibleWorld, "");
+  const std::vector<double> on = probability_of_on(structure, sum);
+  for (std::size_t c = 0; c < structure.clusters.size(); ++c) {
+    const MatchingCluster& cluster = structure.clusters[c];
+    const ClusterStates& states = weighted.states[c];
+    for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
+      marginals[cluster.queries[q]].probability =
+          std::clamp(on[c] * states[1].probability[q] + (1 - on[c]) * states[0].probability[q], 0.0, 1.0);
+    }
+  }
+  const double forced = kForced * static_cast<double>(weighted.forced);
+  return {Termination::kCompleted, "", weighted.log_base + (sum.log_total - forced)};
+}
+
+// Which constraints of the component contradict each other.
+void explain_conflict(const MethodContext& context, ComponentId component, MethodResult& result) {
+  result.message = "no world meets all hard formulas";
+  const auto check = check_constraints(context.network, context.network.component_constraints(component),
+                                       kConflictDecisions, context.stop);
+  if (check && !check->possible) result.conflict = small_conflict(context.network, check->core, context.stop);
+}
+
+}  // namespace
+
+std::optional<MatchingStructure> narrow_matching(const GroundNetwork& network, ComponentId component,
+                                                 const InferenceOptions& options) {
+  MatchingStructure structure = find_matching(network, component);
+  if (!structure.found() || shorter(structure) < 2) return std::nullopt;
+  const double log2 = matching_sum_log2(structure.rows, structure.columns);
+  if (log2 > std::min(kMostTableLog2, options.max_table_log2)) return std::nullopt;
+  if (8 * std::exp2(log2) > static_cast<double>(options.max_memory)) return std::nullopt;
+  return structure;
+}
+
+MethodResult run_matching(const MethodContext& context, std::vector<MatchingStructure> structures) {
+  MethodResult result;
+  result.marginals.resize(context.network.queries().size());
+  double log_partition = 0;
+  for (std::size_t i = 0; i < context.components.size(); ++i) {
+    const ComponentAnswer one = answer(context, structures[i], result.marginals);
+    if (one.termination == Termination::kCompleted) {
+      log_partition += one.log_partition;
+      continue;
+    }
+    for (std::uint32_t q : context.network.component_queries(context.components[i])) {
+      result.marginals[q].probability = kNan;
+    }
+    if (result.termination != Termination::kCompleted) continue;
+    result.termination = one.termination;
+    result.message = one.message;
+    if (one.termination == Termination::kNoPossibleWorld) {
+      explain_conflict(context, context.components[i], result);
+      return result;
+    }
+    if (one.termination == Termination::kRefused) return result;
+  }
+  if (result.termination == Termination::kCompleted) result.log_partition = log_partition;
+  return result;
+}
+
+std::optional<MatchingOptimum> best_matching_world(const GroundNetwork& network, const MatchingStructure& structure,
+                                                   std::span<const double> atom_bias) {
+  const WeightedMatching weighted = Weigher(network, structure, atom_bias).run(true);
+  if (weighted.termination != Termination::kCompleted) return std::nullopt;
+  // The Hungarian algorithm wants the shorter side first.
+  const bool turned = structure.rows > structure.columns;
+  const std::size_t rows = turned ? structure.columns : structure.rows;
+  const std::size_t columns = turned ? structure.rows : structure.columns;
+  std::vector<double> gains(weighted.log_weights.size());
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      gains[r * columns + c] = weighted.log_weights[turned ? c * rows + r : r * columns + c];
+    }
+  }
+  const Assignment best = best_assignment(gains, rows, columns);
+  if (!all_forced(best.gain, weighted.forced)) return std::nullopt;
+  std::vector<bool> row_on(structure.rows, false), column_on(structure.columns, false);
+  for (std::size_t r = 0; r < rows; ++r) {
+    if (!best.column_of[r]) continue;
+    (turned ? column_on : row_on)[r] = true;
+    (turned ? row_on : column_on)[*best.column_of[r]] = true;
+  }
+  const auto is_paired = [&](const MatchingCell& cell) {
+    const std::size_t r = turned ? cell.column : cell.row, c = turned ? cell.row : cell.column;
+    return best.column_of[r] && *best.column_of[r] == c;
+  };
+  MatchingOptimum out;
+  for (std::size_t c = 0; c < structure.clusters.size(); ++c) {
+    const MatchingCluster& cluster = structure.clusters[c];
+    bool on = false;
+    if (cluster.group != kNoGroup) {
+      const MatchingGroup& group = structure.groups[cluster.group];
+      on = (group.is_row ? row_on : column_on)[group.number];
+    } else {
+      on = is_paired(structure.cells[cluster.cell]);
+    }
+    const ClusterState& state = weighted.states[c][on ? 1 : 0];
+    out.score += state.log_weight;
+    for (std::size_t v = 0; v < cluster.variables.size(); ++v) {
+      out.values.emplace_back(cluster.variables[v], state.best[v]);
+    }
+  }
+  return out;
+}
+
+MethodResult run_matching(const MethodContext& context) {
+  std::vector<MatchingStructure> structures;
+  std::vector<ComponentId> matchings, others;
+  std::string why;
+  for (ComponentId c : context.components) {
+    MatchingStructure structure = find_matching(context.network, c);
+    if (!structure.found()) {
+      // Variables that nothing ties to others are in every network, and are no reason to refuse.
+      if (why.empty() || context.network.component_variables(c).size() > 1) why = structure.problem;
+      others.push_back(c);
+      continue;
+    }
+    matchings.push_back(c);
+    structures.push_back(std::move(structure));
+  }
+  if (matchings.empty() && !others.empty()) {
+    MethodResult refused;
+    refused.termination = Termination::kRefused;
+    refused.message = fmt::format("the network is no one-to-one matching: {}; 'exact' or 'mcsat' may answer", why);
+    return refused;
+  }
+  MethodResult result = run_exact({context.network, others, context.options, context.stop, context.atom_bias});
+  if (result.termination != Termination::kCompleted) return result;
+  MethodResult matched = run_matching({context.network, matchings, context.options, context.stop, context.atom_bias},
+                                      std::move(structures));
+  for (ComponentId c : matchings) {
+    for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q] = matched.marginals[q];
+  }
+  if (!matched.log_partition) result.log_partition.reset();
+  if (result.log_partition) *result.log_partition += *matched.log_partition;
+  result.termination = matched.termination;
+  result.message = std::move(matched.message);
+  result.conflict = std::move(matched.conflict);
+  return result;
+}
+
+}  // namespace sherlog

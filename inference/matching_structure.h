@@ -1,0 +1,62 @@
+// A one-to-one matching seen in a component of a ground network.
+//
+// Idea      Table 1 of the RoboSherlock paper says that no two old clusters are one new cluster and the other way round. On the
+//           ground these are pairwise hard clauses over variables (the anchors) that are each "on" under some of their
+//           values. The clauses are the edges of a graph over the anchors; where that graph falls into cliques such
+//           that each anchor lies in at most two of them and the cliques can be coloured with two colours, the
+//           cliques are rows and columns, and each anchor is the cell of one row and one column. Everything else
+//           has to be local: the rest of the network falls into small clusters, each of which sees one anchor (a cell) or one
+//           long disjunction "some anchor of this row is on" (a side). Then the component is a weighted matching: a cell
+//           adds log(sum over its cluster with the anchor on) - log(... off), a side adds the same for its row.
+//           Nothing here knows predicates or names; what does not fit is refused with a reason.
+// Cost      O(anchors^2 + clauses); at most 4096 anchors
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "grounding/network.h"
+
+namespace sherlog {
+
+inline constexpr std::uint32_t kNoGroup = 0xffffffffu;
+
+struct MatchingCluster {
+  std::vector<VariableId> variables;
+  std::vector<std::uint32_t> features, constraints, queries;  // indices of the network's
+  // One of the two:
+  std::uint32_t cell = kNoGroup;   // into MatchingStructure::cells
+  std::uint32_t group = kNoGroup;  // into MatchingStructure::groups
+};
+
+struct MatchingCell {
+  VariableId anchor;
+  std::vector<bool> on;  // by value
+  std::uint32_t row = 0, column = 0;
+};
+
+// A row or column with two or more cells.
+struct MatchingGroup {
+  bool is_row = false;
+  std::uint32_t number = 0;          // of the row or column
+  std::vector<std::uint32_t> cells;
+};
+
+struct MatchingStructure {
+  std::string problem;  // not empty: this is no matching, and why
+  std::uint32_t rows = 0, columns = 0;
+  std::vector<MatchingCell> cells;
+  std::vector<MatchingGroup> groups;
+  std::vector<MatchingCluster> clusters;
+  // By gate of the network: says, besides its other inputs, that some cell of this group is on; or kNoGroup.
+  std::vector<std::uint32_t> group_of_gate;
+  std::vector<std::uint32_t> cell_of;  // by variable of the network, or kNoGroup
+
+  bool found() const { return problem.empty(); }
+};
+
+MatchingStructure find_matching(const GroundNetwork& network, ComponentId component);
+
+}  // namespace sherlog

@@ -1,0 +1,42 @@
+#include "perception_bridge/identity_belief.h"
+
+#include <algorithm>
+
+#include "inference/assignment.h"
+
+namespace sherlog {
+
+double IdentityBelief::appeared(std::size_t n) const {
+  double known = 0;
+  for (std::size_t o = 0; o < old_; ++o) known += same(o, n);
+  return std::max(0.0, 1.0 - known);
+}
+
+Resolution decide(const IdentityBelief& belief, const std::vector<bool>& out_of_view) {
+  const std::size_t old_clusters = belief.old_clusters(), new_clusters = belief.new_clusters();
+  std::vector<double> gains;  // by new and old cluster
+  for (std::size_t n = 0; n < new_clusters; ++n) {
+    const double alone = belief.appeared(n);
+    for (std::size_t o = 0; o < old_clusters; ++o) gains.push_back(belief.same(o, n) - alone);
+  }
+  Resolution decided;
+  decided.association = best_assignment(gains, new_clusters, old_clusters).column_of;
+  for (std::size_t o = 0; o < old_clusters; ++o) {
+    decided.explanation.push_back(out_of_view[o] ? ClusterExplanation::kHidden : ClusterExplanation::kDisappear);
+  }
+  for (std::size_t n = 0; n < new_clusters; ++n) {
+    if (!decided.association[n]) continue;
+    const std::uint32_t o = *decided.association[n];
+    const auto& pair = belief.pair(o, n);
+    decided.explanation[o] = static_cast<ClusterExplanation>(std::ranges::max_element(pair) - pair.begin());
+  }
+  return decided;
+}
+
+Resolution decide(const IdentityBelief& belief, const FourTablesTrial& trial) {
+  std::vector<bool> out_of_view;
+  for (const Observation& old : trial.old_clusters) out_of_view.push_back(old.out_of_view);
+  return decide(belief, out_of_view);
+}
+
+}  // namespace sherlog
