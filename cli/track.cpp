@@ -18,7 +18,8 @@ constexpr std::uint64_t kMostDumped = 10'000'000;
 struct SimulateArguments {
   Options options;
   TrackOptions track;
-  std::string matcher = "generative";
+  std::string matcher = "mln";
+  std::string model = "learned";
   std::string dump;
 };
 
@@ -55,7 +56,7 @@ int simulate(Session& session, const SimulateArguments& arguments) {
                                      kMostDumped)),
            kBadInput;
   }
-  const auto matcher = make_matcher(session, arguments.matcher, *config);
+  const auto matcher = make_matcher(session, arguments.matcher, arguments.model, *config);
   if (!matcher) return kBadInput;
   TrackRun run;
   run.config = *config;
@@ -119,10 +120,15 @@ void add_simulate(CLI::App& track, Action& action) {
       ->check(whole_number(100000));
   command->add_option("--noise", arguments->track.noise, "Sigma of positions (metres) and colours (default 0.05)")
       ->type_name("S");
-  command->add_option("--matcher", arguments->matcher, "Who resolves (default generative)")
+  command->add_option("--matcher", arguments->matcher, "Who resolves: a Markov logic model, or a baseline (default mln)")
       ->type_name("NAME")
       ->check(one_of(matcher_names()));
+  command
+      ->add_option("--model", arguments->model,
+                   "Of the matcher mln: Table 1 as published, the learned model, or a file (default learned)")
+      ->type_name("paper|learned|FILE.mln");
   command->add_option("--dump", arguments->dump, "Every trial with its result as a line of JSON")->type_name("FILE|-");
+  add_inference_options(*command, arguments->options);
   add_common_options(*command, arguments->options);
   command->callback([arguments, &action] { action = [arguments] { return run_simulate(*arguments); }; });
 }

@@ -3,7 +3,11 @@
 #include <fmt/format.h>
 
 #include "mln/text_file.h"
+#include "mln/model.h"
 #include "perception_bridge/baseline_matchers.h"
+#include "perception_bridge/identity_learning.h"
+#include "perception_bridge/identity_resolver.h"
+#include "perception_bridge/shipped_models.h"
 
 namespace sherlog::cli {
 
@@ -35,9 +39,51 @@ std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions
   return config;
 }
 
-std::vector<std::string> matcher_names() { return {"generative", "hungarian", "nearest"}; }
+std::vector<std::string> matcher_names() { return {"mln", "generative", "hungarian", "nearest"}; }
 
-std::unique_ptr<Matcher> make_matcher(Session&, const std::string& name, const FourTablesConfig& config) {
+namespace {
+
+std::optional<LearnedIdentity> learn_for(Session& session, const FourTablesConfig& config) {
+  IdentityTraining training;
+  training.config = config;
+  training.seed += session.options().seed;
+  training.threads = session.options().threads;
+  LearnedIdentity learned = learn_identity(training, session.monitor());
+  if (learned.termination == Termination::kCompleted) return learned;
+  session.error(learned.message);
+  return std::nullopt;
+}
+
+std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& model_name, const FourTablesConfig& config) {
+  Diagnostics& diagnostics = session.diagnostics();
+  std::optional<Model> model;
+  Grading grading;
+  if (model_name == "paper") {
+    model = parse_model(paper_identity_model(), "paper", diagnostics);
+  } else if (model_name == "learned") {
+    const auto learned = learn_for(session, config);
+    if (!learned) return nullptr;
+    model = parse_model(learned->model, "learned", diagnostics);
+    grading = learned->grading;
+  } else {
+    model = parse_model_file(model_name, diagnostics);
+    // A model that asks for more than Table 1 has weights of its own, and wants odds.
+    if (model && model->find_predicate("seesPlace")) grading = {Grading::Kind::kOdds, config.noise, config.noise};
+  }
+  session.print_diagnostics();
+  if (!model) return nullptr;
+  InferenceOptions options = session.inference_options();
+  std::string problem;
+  auto resolver = IdentityResolver::make(model_name, *std::move(model), grading, options, problem);
+  if (!resolver) session.error(fmt::format("--model {}: {}", model_name, problem));
+  return resolver;
+}
+
+}  // namespace
+
+std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,
+                                      const FourTablesConfig& config) {
+  if (name == "mln") return make_resolver(session, model, config);
   if (name == "generative") return generative_matcher(config);
   if (name == "hungarian") return hungarian_matcher();
   return nearest_neighbour_matcher();

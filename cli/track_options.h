@@ -30,7 +30,9 @@ std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions
 // The names that --matcher knows.
 std::vector<std::string> matcher_names();
 // One by its name, for that world; nothing after saying what is wrong.
-std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const FourTablesConfig& config);
+// `model`: of the matcher mln: paper, learned, or a file.
+std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,
+                                      const FourTablesConfig& config);
 
 // "0.968 +-0.004"
 std::string share_text(const GroupedShare& share);

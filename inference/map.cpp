@@ -10,6 +10,7 @@
 #include "inference/exact.h"
 #include "inference/integer_program.h"
 #include "inference/map_reduction.h"
+#include "inference/matching.h"
 #include "inference/max_walk_sat.h"
 #include "inference/min_cut.h"
 
@@ -28,6 +29,7 @@ constexpr double kFirstWork = 2e8;
 constexpr double kRelaxationWork = 1.5e9;
 constexpr double kTreeWork = 1e8;
 constexpr std::uint32_t kTreeNodes = 5000;
+constexpr std::size_t kLeastMatching = 32;    // components with fewer variables need no look at their structure
 constexpr std::uint64_t kShortFlips = 20000;  // of the search for an incumbent
 constexpr std::uint64_t kConflictDecisions = 100000;
 // Gaps below this share of the score are rounding.
@@ -322,9 +324,7 @@ MethodResult no_possible_world(const MethodContext& context) {
   return result;
 }
 
-}  // namespace
-
-MethodResult run_map(const MethodContext& context) {
+MethodResult run_map_by_search(const MethodContext& context) {
   MapReduction reduction(context.network, context.atom_bias);
   if (!reduction.reduce(context.components)) return no_possible_world(context);
   MapSearch search(context.options, context.stop);
@@ -346,6 +346,39 @@ MethodResult run_map(const MethodContext& context) {
     result.message = "no world that meets the hard formulas was found; whether there is one was not settled";
   } else if (result.termination != Termination::kCompleted) {
     result.message = "the best world found so far; a better one has not been ruled out";
+  }
+  return result;
+}
+
+}  // namespace
+
+MethodResult run_map(const MethodContext& context) {
+  std::vector<ComponentId> others;
+  std::vector<MatchingOptimum> matchings;
+  for (ComponentId c : context.components) {
+    std::optional<MatchingOptimum> best;
+    if (context.network.component_variables(c).size() >= kLeastMatching) {
+      const MatchingStructure structure = find_matching(context.network, c);
+      if (structure.found()) best = best_matching_world(context.network, structure, context.atom_bias);
+    }
+    if (best) {
+      matchings.push_back(*std::move(best));
+    } else {
+      others.push_back(c);
+    }
+  }
+  if (matchings.empty()) return run_map_by_search(context);
+  MethodResult result;
+  if (others.empty()) {
+    result.values.assign(context.network.variable_count(), 0);
+  } else {
+    result = run_map_by_search({context.network, others, context.options, context.stop, context.atom_bias});
+    if (result.values.empty()) return result;
+  }
+  for (const MatchingOptimum& best : matchings) {
+    for (const auto& [variable, value] : best.values) result.values[variable.index()] = value;
+    result.map_score += best.score;
+    result.map_bound += best.score;
   }
   return result;
 }

@@ -1,6 +1,7 @@
 // A most probable world, with a proof that there is no better one where a proof is found.
 //
-// Idea      The network is simplified first (map_reduction.h); what is left falls into components, and each gets the first of
+// Idea      A component that is a one-to-one matching (matching.h) is solved by the Hungarian algorithm: proved. What is left
+//           is simplified first (map_reduction.h); what is left falls into components, and each gets the first of
 //           these that fits its structure:
 //             narrow           variable elimination (exact.h): proved
 //             pairwise         minimum cut (min_cut.h): proved if no product is left in the way, otherwise values of some

@@ -131,9 +131,7 @@ class ClusterSum {
     const bool grouped = structure_.group_of_gate[gate.index()] != kNoGroup;
     std::uint32_t count = grouped && group_on_ ? 1 : 0;
     for (Literal input : network_.gate_inputs(gate)) {
-      if (grouped && input.is_atom() && structure_.cell_of[network_.variable_of(input.atom()).index()] != kNoGroup) {
-        continue;  // group_on_ speaks for it
-      }
+      if (grouped && structure_.speaks_of_cells(network_, input)) continue;  // group_on_ speaks for it
       count += is_true(input) ? 1u : 0u;
     }
     return gate_truth(network_.gate_kind(gate), count) != literal.negated();

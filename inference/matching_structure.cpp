@@ -234,6 +234,7 @@ class Finder {
     std::iota(parent_.begin(), parent_.end(), 0u);
     visited_.assign(network_.gate_count(), 0);
     out_.group_of_gate.assign(network_.gate_count(), kNoGroup);
+    out_.anchors_only.assign(network_.gate_count(), 0);
     const auto constraints = network_.component_constraints(component_);
     for (std::size_t i = 0; i < constraints.size(); ++i) {
       if (!is_exclusion_[i] && !join(network_.constraints()[constraints[i]].literal)) return false;
@@ -303,23 +304,50 @@ class Finder {
     const bool grouped = group != kNoGroup;
     if (grouped) nodes.push_back(static_cast<std::uint32_t>(network_.variable_count()) + group);
     for (Literal input : network_.gate_inputs(gate)) {
-      if (grouped && input.is_atom() && cell_of(input) != kNoGroup) continue;
+      if (grouped && anchors_only(input)) continue;
       if (!support(input, nodes)) return false;
     }
     return true;
+  }
+
+  // Speaks of anchors only: an atom of one, or a disjunction of such.
+  bool anchors_only(Literal literal) {
+    if (literal.is_atom()) return cell_of(literal) != kNoGroup;
+    if (literal.negated() || network_.gate_kind(literal.gate()) != GateKind::kOr) return false;
+    std::uint8_t& known = out_.anchors_only[literal.gate().index()];
+    if (known == 0) {
+      const bool all = std::ranges::all_of(network_.gate_inputs(literal.gate()),
+                                           [&](Literal input) { return anchors_only(input); });
+      known = all ? 1 : 2;
+    }
+    return known == 1;
+  }
+
+  // The values under which some input that speaks of anchors only is true.
+  template <class F>
+  void for_each_named(GateId gate, const F& f) {
+    for (Literal input : network_.gate_inputs(gate)) {
+      if (!anchors_only(input)) continue;
+      if (input.is_gate()) {
+        for_each_named(input.gate(), f);
+        continue;
+      }
+      const std::uint32_t cell = cell_of(input), value = network_.value_of(input.atom());
+      const VariableId anchor = out_.cells[cell].anchor;
+      for (std::uint32_t k = 0; k < network_.value_count(anchor); ++k) {
+        if ((k == value) != input.negated() && !is_denied(anchor, k)) f(cell, k);
+      }
+    }
   }
 
   // A disjunction over several anchors has to be over all of a row or column, in all their on-values.
   bool recognise_group(GateId gate) {
     std::uint32_t first = kNoGroup;
     bool several = false;
-    for (Literal input : network_.gate_inputs(gate)) {
-      if (!input.is_atom()) continue;
-      const std::uint32_t cell = cell_of(input);
-      if (cell == kNoGroup) continue;
+    for_each_named(gate, [&](std::uint32_t cell, std::uint32_t) {
       if (first == kNoGroup) first = cell;
       several = several || cell != first;
-    }
+    });
     if (!several) return true;
     for (std::uint32_t g : groups_of_[first]) {
       if (g == kNoGroup || !is_group(gate, g)) continue;
@@ -330,27 +358,20 @@ class Finder {
   }
 
   bool is_group(GateId gate, std::uint32_t g) {
-    // By cell: the on-values that the disjunction names.
-    named_.assign(out_.cells.size(), 0);
-    for (Literal input : network_.gate_inputs(gate)) {
-      if (!input.is_atom()) continue;
-      const std::uint32_t cell = cell_of(input);
-      if (cell == kNoGroup) continue;
-      const MatchingCell& c = out_.cells[cell];
-      const std::uint32_t value = network_.value_of(input.atom());
-      for (std::uint32_t k = 0; k < c.on.size(); ++k) {
-        if ((k == value) == input.negated() || is_denied(c.anchor, k)) continue;
-        if (!c.on[k] || k >= 64) return false;
-        named_[cell] |= std::uint64_t{1} << k;
+    named_.assign(out_.cells.size(), 0);  // by cell: a bit for each value that the disjunction names
+    bool good = true;
+    for_each_named(gate, [&](std::uint32_t cell, std::uint32_t value) {
+      if (!out_.cells[cell].on[value] || value >= 64) {
+        good = false;
+      } else {
+        named_[cell] |= std::uint64_t{1} << value;
       }
-    }
-    std::size_t complete = 0;
+    });
     for (std::uint32_t cell : out_.groups[g].cells) {
-      complete += std::popcount(named_[cell]) == static_cast<int>(on_count_[cell]) ? 1u : 0u;
+      good = good && std::popcount(named_[cell]) == static_cast<int>(on_count_[cell]);
       named_[cell] = 0;
     }
-    return complete == out_.groups[g].cells.size() &&
-           std::ranges::all_of(named_, [](std::uint64_t mask) { return mask == 0; });
+    return good && std::ranges::all_of(named_, [](std::uint64_t mask) { return mask == 0; });
   }
 
   bool find_roles() {

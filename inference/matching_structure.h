@@ -50,9 +50,16 @@ struct MatchingStructure {
   std::vector<MatchingCell> cells;
   std::vector<MatchingGroup> groups;
   std::vector<MatchingCluster> clusters;
-  // By gate of the network: says, besides its other inputs, that some cell of this group is on; or kNoGroup.
+  // By gate of the network: its inputs that speak of cells only say together that some cell of this group is on; or kNoGroup.
   std::vector<std::uint32_t> group_of_gate;
+  // By gate: 1 where it is a disjunction of cells' atoms and of such disjunctions.
+  std::vector<std::uint8_t> anchors_only;
   std::vector<std::uint32_t> cell_of;  // by variable of the network, or kNoGroup
+
+  bool speaks_of_cells(const GroundNetwork& network, Literal literal) const {
+    if (literal.is_atom()) return cell_of[network.variable_of(literal.atom()).index()] != kNoGroup;
+    return literal.is_gate() && !literal.negated() && anchors_only[literal.gate().index()] == 1;
+  }
 
   bool found() const { return problem.empty(); }
 };

@@ -31,13 +31,17 @@ class Simulation {
     for (std::uint32_t object : shuffled()) {
       if (objects_[object].on_table) trial_.old_clusters.push_back(observe(object));
     }
+    const std::vector<WorldObject> before = objects_;
     for (std::uint32_t i = 0; i < config_.actions; ++i) act();
     stand_somewhere();
     for (std::uint32_t object : shuffled()) {
       const WorldObject& o = objects_[object];
       if (o.on_table && trial_.view.contains(o.table, o.position)) trial_.new_clusters.push_back(observe(object));
     }
-    for (Observation& old : trial_.old_clusters) old.out_of_view = !trial_.view.contains(old.table, old.position);
+    for (Observation& old : trial_.old_clusters) {
+      old.out_of_view = !trial_.view.contains(old.table, old.position);
+      old.place_in_view = trial_.view.contains(old.table, before[old.object].position);
+    }
     trial_.truth = true_resolution(trial_, histories_);
     return std::move(trial_);
   }

@@ -67,7 +67,8 @@ struct Observation {
   std::uint32_t table = 0;   // the first is 1
   Position position{};
   Color color{};
-  bool out_of_view = false;  // of old ones: the place lies outside the present view
+  bool out_of_view = false;  // of old ones: the place, as measured, lies outside the present view
+  bool place_in_view = false;  // of old ones: the place as it truly was lies inside; no matcher reads this
 };
 
 struct View {

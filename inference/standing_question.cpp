@@ -1,0 +1,67 @@
+#include "inference/standing_question.h"
+
+#include "grounding/ground.h"
+#include "mln/query.h"
+
+namespace sherlog {
+namespace {
+
+std::string first_error(const Diagnostics& diagnostics) {
+  for (const Diagnostic& d : diagnostics.all()) {
+    if (d.severity == Severity::kError) return d.text;
+  }
+  return "bad input";
+}
+
+}  // namespace
+
+StandingQuestion::StandingQuestion(Model model, std::vector<std::string> queries, std::vector<std::string> open,
+                                   InferenceOptions options)
+    : model_(std::move(model)), queries_(std::move(queries)), options_(std::move(options)) {
+  for (const std::string& name : open) {
+    if (const auto predicate = model_.find_predicate(name)) open_.push_back(*predicate);
+  }
+}
+
+StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& monitor) const {
+  Answer answer;
+  const auto stop = [&](Termination termination, std::string message) {
+    answer.termination = termination;
+    answer.message = std::move(message);
+    return std::move(answer);
+  };
+  Diagnostics diagnostics;
+  auto databases = parse_evidence(model_, text, "evidence", diagnostics);
+  if (!databases || databases->size() != 1) return stop(Termination::kRefused, first_error(diagnostics));
+  answer.evidence = std::move(databases->front());
+  const auto query = parse_query(model_, *answer.evidence, queries_, diagnostics);
+  if (!query) return stop(Termination::kRefused, first_error(diagnostics));
+  GroundingOptions grounding;
+  grounding.open_world = open_;
+  grounding.max_memory = options_.max_memory;
+  grounding.max_seconds = options_.max_seconds;
+  const GroundingResult ground_result = ground(model_, *answer.evidence, *query, grounding, monitor);
+  answer.ground_seconds = ground_result.seconds;
+  if (!ground_result.network) return stop(ground_result.termination, ground_result.message);
+  const GroundNetwork& network = *ground_result.network;
+  const InferenceResult result = infer(network, options_, monitor);
+  answer.infer_seconds = result.seconds;
+  answer.method = result.method;
+  if (result.termination != Termination::kCompleted || (result.marginals.empty() && !result.map)) {
+    const bool nothing_asked = network.queries().empty() && result.termination == Termination::kCompleted;
+    if (!nothing_asked) return stop(result.termination, result.message);
+  }
+  for (std::size_t q = 0; q < network.queries().size(); ++q) {
+    const Literal literal = network.queries()[q].literal;
+    const AtomId atom = literal.atom();
+    Atom& named = answer.atoms.emplace_back();
+    named.predicate = network.predicate_of(atom);
+    const auto arguments = network.arguments_of(atom);
+    named.arguments.assign(arguments.begin(), arguments.end());
+    named.probability = result.map ? (result.map->values[network.variable_of(atom).index()] == network.value_of(atom) ? 1 : 0)
+                                   : result.marginals[q].probability;
+  }
+  return answer;
+}
+
+}  // namespace sherlog

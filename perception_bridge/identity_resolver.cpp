@@ -1,0 +1,202 @@
+#include "perception_bridge/identity_resolver.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+
+#include "inference/standing_question.h"
+#include "perception_bridge/grades.h"
+
+namespace sherlog {
+namespace {
+
+constexpr double kLeastGrade = 1e-9;
+constexpr const char* kAnswers[] = {"is", "appear", "disappear", "hidden"};
+constexpr const char* kEvidence[] = {"similar", "proximity", "outOfView"};
+constexpr const char* kSeesPlace = "seesPlace";
+
+double clamped(double grade) { return std::clamp(grade, kLeastGrade, 1 - kLeastGrade); }
+double grade_of_odds(double log_odds) { return clamped(1 / (1 + std::exp(-log_odds))); }
+
+// log of the density of a difference of two measurements with that sigma each.
+double log_difference(double difference, double sigma) {
+  const double variance = 2 * sigma * sigma;
+  return -0.5 * (difference * difference / variance + std::log(2 * std::numbers::pi * variance));
+}
+
+double normal_below(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
+
+}  // namespace
+
+std::string validate(const Grading& grading) {
+  for (const double sigma : {grading.sigma_color, grading.sigma_position}) {
+    if (!(sigma > 0) || !std::isfinite(sigma)) return fmt::format("sigma is {}, but must be above 0", sigma);
+  }
+  return {};
+}
+
+double sees_place(const Observation& old, const View& view, const FourTablesConfig& config, double sigma) {
+  if (old.table != view.table) return 0;
+  double inside = 1;
+  const Position size = {config.table_width, config.table_depth};
+  for (std::size_t a = 0; a < size.size(); ++a) {
+    const auto below = [&](double x) { return normal_below((x - old.position[a]) / sigma); };
+    inside *= std::clamp((below(view.max[a]) - below(view.min[a])) / (below(size[a]) - below(0)), 0.0, 1.0);
+  }
+  return inside;
+}
+
+PairGrade grade_pair(const Observation& old, const Observation& now, const FourTablesTrial& trial,
+                     const Grading& grading) {
+  const FourTablesConfig& config = trial.config;
+  if (grading.kind != Grading::Kind::kOdds) {
+    const auto g = grading.kind == Grading::Kind::kPaper ? printed_g : gaussian_g;
+    return {clamped(g(color_distance(old, now), grading.sigma_color)),
+            clamped(g(position_distance(old, now, config), grading.sigma_position))};
+  }
+  double color = 0;
+  for (std::size_t c = 0; c < old.color.size(); ++c) color += log_difference(old.color[c] - now.color[c], grading.sigma_color);
+  PairGrade grade{grade_of_odds(color), kLeastGrade};
+  if (old.table != now.table) return grade;
+  double place = std::log(config.table_width * config.table_depth);
+  for (std::size_t a = 0; a < 2; ++a) place += log_difference(old.position[a] - now.position[a], grading.sigma_position);
+  grade.proximity = grade_of_odds(place);
+  return grade;
+}
+
+std::string identity_evidence(const FourTablesTrial& trial, const Grading& grading, bool with_sees_place) {
+  std::string text;
+  const auto out = std::back_inserter(text);
+  const auto list = [&](const char* domain, char letter, std::size_t count) {
+    if (count == 0) return;
+    fmt::format_to(out, "{} = {{", domain);
+    for (std::size_t i = 1; i <= count; ++i) fmt::format_to(out, "{}{}{}", i > 1 ? ", " : "", letter, i);
+    text += "}\n";
+  };
+  list("oldCluster", 'O', trial.old_clusters.size());
+  list("newCluster", 'N', trial.new_clusters.size());
+  for (std::size_t o = 0; o < trial.old_clusters.size(); ++o) {
+    const Observation& old = trial.old_clusters[o];
+    if (old.out_of_view) fmt::format_to(out, "outOfView(O{})\n", o + 1);
+    const double sees = clamped(sees_place(old, trial.view, trial.config, grading.sigma_position));
+    if (with_sees_place) fmt::format_to(out, "{} {}(O{})\n", sees, kSeesPlace, o + 1);
+    for (std::size_t n = 0; n < trial.new_clusters.size(); ++n) {
+      PairGrade grade = grade_pair(old, trial.new_clusters[n], trial, grading);
+      // To be seen again at its place, the place has to be in view.
+      if (with_sees_place) grade.proximity = grade_of_odds(std::log(grade.proximity / (1 - grade.proximity)) + std::log(sees));
+      fmt::format_to(out, "{} similar(O{},N{})\n{} proximity(O{},N{})\n", grade.similar, o + 1, n + 1, grade.proximity,
+                     o + 1, n + 1);
+    }
+  }
+  return text;
+}
+
+struct IdentityResolver::Parts {
+  std::string name;
+  Grading grading;
+  StandingQuestion question;
+  bool with_sees_place = false;
+  PredicateId is;
+  DomainId old_domain, new_domain, explanation_domain;
+  std::size_t old_argument = 0, new_argument = 1, explanation_argument = 2;
+};
+
+IdentityResolver::IdentityResolver(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+IdentityResolver::~IdentityResolver() = default;
+
+std::unique_ptr<IdentityResolver> IdentityResolver::make(std::string name, Model model, const Grading& grading,
+                                                         InferenceOptions options, std::string& problem) {
+  problem = validate(grading);
+  if (!problem.empty()) return nullptr;
+  for (const char* predicate : {"is", "appear", "disappear", "hidden", "similar", "proximity", "outOfView"}) {
+    if (model.find_predicate(predicate)) continue;
+    problem = fmt::format("the model does not declare '{}'", predicate);
+    return nullptr;
+  }
+  const PredicateId is = *model.find_predicate("is");
+  const auto& domains = model.predicate(is).domains;
+  if (domains.size() != 3) {
+    problem = "'is' must have three arguments: old cluster, new cluster, explanation";
+    return nullptr;
+  }
+  for (const char* constant : {"stay", "move", "newview"}) {
+    if (model.domain(domains[2]).find(constant)) continue;
+    problem = fmt::format("the explanations of 'is' lack '{}'", constant);
+    return nullptr;
+  }
+  if (model.domain(domains[0]).name != "oldCluster" || model.domain(domains[1]).name != "newCluster") {
+    problem = "the arguments of 'is' must be of the domains oldCluster and newCluster";
+    return nullptr;
+  }
+  // What is no evidence is to be found out.
+  std::vector<std::string> open;
+  for (const Predicate& predicate : model.predicates()) {
+    const bool given = std::ranges::find(kEvidence, predicate.name) != std::end(kEvidence) || predicate.name == kSeesPlace;
+    if (!given) open.push_back(predicate.name);
+  }
+  options.threads = 1;  // trials run side by side
+  const bool with_sees_place = model.find_predicate(kSeesPlace).has_value();
+  auto parts = std::unique_ptr<Parts>(new Parts{
+      std::move(name), grading,
+      StandingQuestion(std::move(model), {std::begin(kAnswers), std::end(kAnswers)}, open, std::move(options)),
+      with_sees_place, is, domains[0], domains[1], domains[2]});
+  return std::unique_ptr<IdentityResolver>(new IdentityResolver(std::move(parts)));
+}
+
+std::string IdentityResolver::name() const { return parts_->name; }
+
+IdentityResolver::Belief IdentityResolver::believe(const FourTablesTrial& trial) const {
+  const auto start = std::chrono::steady_clock::now();
+  const Parts& p = *parts_;
+  Belief out;
+  out.belief = IdentityBelief(trial.old_clusters.size(), trial.new_clusters.size());
+  const std::string evidence = identity_evidence(trial, p.grading, p.with_sees_place);
+  out.evidence_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  Monitor quiet;
+  const StandingQuestion::Answer answer = p.question.ask(evidence, quiet);
+  out.termination = answer.termination;
+  out.message = answer.message;
+  out.method = answer.method;
+  out.ground_seconds = answer.ground_seconds;
+  out.infer_seconds = answer.infer_seconds;
+  if (answer.termination != Termination::kCompleted) return out;
+  const Model& model = p.question.model();
+  // Constants to positions: O3 is 2.
+  const auto positions = [&](DomainId domain, char letter, std::size_t count) {
+    std::vector<std::size_t> by_constant(answer.evidence->domain_size(model, domain), count);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (const auto c = answer.evidence->find_constant(model, domain, fmt::format("{}{}", letter, i + 1))) by_constant[*c] = i;
+    }
+    return by_constant;
+  };
+  const auto old_position = positions(p.old_domain, 'O', trial.old_clusters.size());
+  const auto new_position = positions(p.new_domain, 'N', trial.new_clusters.size());
+  const Domain& explanations = model.domain(p.explanation_domain);
+  const ConstantIndex kinds[] = {*explanations.find("stay"), *explanations.find("move"), *explanations.find("newview")};
+  for (const StandingQuestion::Atom& atom : answer.atoms) {
+    if (atom.predicate != p.is) continue;
+    const std::size_t o = old_position[atom.arguments[0]], n = new_position[atom.arguments[1]];
+    if (o >= trial.old_clusters.size() || n >= trial.new_clusters.size()) continue;  // the model's own constants
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (atom.arguments[2] == kinds[k]) out.belief.pair(o, n)[k] = atom.probability;
+    }
+  }
+  return out;
+}
+
+MatcherAnswer IdentityResolver::resolve(const FourTablesTrial& trial) const {
+  const auto start = std::chrono::steady_clock::now();
+  MatcherAnswer answer;
+  const Belief belief = believe(trial);
+  answer.termination = belief.termination;
+  answer.message = belief.message;
+  if (belief.termination == Termination::kCompleted) answer.resolution = decide(belief.belief, trial);
+  answer.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return answer;
+}
+
+}  // namespace sherlog
