@@ -6,6 +6,7 @@
 #include "cli/commands.h"
 #include "cli/output.h"
 #include "cli/table.h"
+#include "cli/track_commands.h"
 #include "cli/track_options.h"
 #include "perception_bridge/four_tables_json.h"
 #include "perception_bridge/track_run.h"
@@ -39,6 +40,7 @@ std::string simulate_text(const FourTablesConfig& config, const std::string& mat
   table.add_row({"association of new clusters", std::to_string(score.association.total()), share_text(score.association)});
   table.add_row({"explanation", std::to_string(score.explanation.total()), share_text(score.explanation)});
   table.add_row({"explanation of acted-on objects", std::to_string(score.acted_on.total()), share_text(score.acted_on)});
+  table.add_row({"... of those that are not hidden", std::to_string(score.acted_on_shown.total()), share_text(score.acted_on_shown)});
   text += table.text();
   text += fmt::format("\nreported as disappeared though out of view: {}\n", score.disappeared_out_of_view);
   if (trials > 0) {
@@ -96,6 +98,7 @@ int simulate(Session& session, const SimulateArguments& arguments) {
                           json["association"] = share_json(score.association);
                           json["explanation"] = share_json(score.explanation);
                           json["acted_on"] = share_json(score.acted_on);
+                          json["acted_on_shown"] = share_json(score.acted_on_shown);
                           json["disappeared_out_of_view"] = score.disappeared_out_of_view;
                           json["seconds"] = {{"resolve", timing.sum}, {"longest", timing.longest}, {"total", session.seconds()}};
                           return to_text(json);
@@ -139,6 +142,7 @@ void add_track(CLI::App& app, Action& action) {
   CLI::App* command = app.add_subcommand("track", "Object identity over scenes: simulate and evaluate");
   command->require_subcommand(1);
   add_simulate(*command, action);
+  add_track_evaluate(*command, action);
 }
 
 }  // namespace sherlog::cli

@@ -39,6 +39,11 @@ std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions
   return config;
 }
 
+const std::vector<std::string>& baseline_names() {
+  static const std::vector<std::string> names = {"generative", "hungarian", "nearest"};
+  return names;
+}
+
 std::vector<std::string> matcher_names() { return {"mln", "generative", "hungarian", "nearest"}; }
 
 namespace {
@@ -46,7 +51,7 @@ namespace {
 std::optional<LearnedIdentity> learn_for(Session& session, const FourTablesConfig& config) {
   IdentityTraining training;
   training.config = config;
-  training.seed += session.options().seed;
+  training.seed ^= session.options().seed;  // far from any seed that trials are evaluated on
   training.threads = session.options().threads;
   LearnedIdentity learned = learn_identity(training, session.monitor());
   if (learned.termination == Termination::kCompleted) return learned;

@@ -27,8 +27,9 @@ void add_world_file_options(CLI::App& command, TrackOptions& options);  // --con
 // The defaults, then the file, then the options; nothing after saying what is wrong.
 std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions& options);
 
-// The names that --matcher knows.
+// The names that --matcher knows: mln and the baselines.
 std::vector<std::string> matcher_names();
+const std::vector<std::string>& baseline_names();
 // One by its name, for that world; nothing after saying what is wrong.
 // `model`: of the matcher mln: paper, learned, or a file.
 std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,

@@ -41,8 +41,8 @@ void TrackScore::add(const FourTablesTrial& trial, const Resolution& answer) {
   std::vector<bool> acted(trial.config.objects, false);
   for (const SimulatedAction& action : trial.actions) acted[action.object] = true;
   std::uint32_t associated = 0;
-  std::uint32_t right = 0, total = 0, acted_right = 0, acted_total = 0;
-  const auto count = [&](std::uint32_t object, bool is_right) {
+  std::uint32_t right = 0, total = 0, acted_right = 0, acted_total = 0, shown_right = 0, shown_total = 0;
+  const auto count = [&](std::uint32_t object, bool is_right, bool hidden) {
     ++total;
     right += is_right ? 1u : 0u;
     if (!acted[object]) return;
@@ -50,18 +50,20 @@ void TrackScore::add(const FourTablesTrial& trial, const Resolution& answer) {
     acted_right += is_right ? 1u : 0u;
   };
   for (std::size_t o = 0; o < trial.old_clusters.size(); ++o) {
-    count(trial.old_clusters[o].object, answer.explanation[o] == trial.truth.explanation[o]);
+    count(trial.old_clusters[o].object, answer.explanation[o] == trial.truth.explanation[o],
+          trial.truth.explanation[o] == ClusterExplanation::kHidden);
     const bool disappeared = answer.explanation[o] == ClusterExplanation::kDisappear;
     disappeared_out_of_view += disappeared && trial.old_clusters[o].out_of_view ? 1u : 0u;
   }
   for (std::size_t n = 0; n < trial.new_clusters.size(); ++n) {
     associated += answer.association[n] == trial.truth.association[n] ? 1u : 0u;
     const bool said = !answer.association[n], true_one = !trial.truth.association[n];
-    if (said || true_one) count(trial.new_clusters[n].object, said == true_one);
+    if (said || true_one) count(trial.new_clusters[n].object, said == true_one, false);
   }
   association.add(associated, static_cast<std::uint32_t>(trial.new_clusters.size()));
   explanation.add(right, total);
   acted_on.add(acted_right, acted_total);
+  acted_on_shown.add(shown_right, shown_total);
 }
 
 }  // namespace sherlog

@@ -47,20 +47,22 @@ void compare_sampled(const oracle::NaiveAnswer& naive, const InferenceResult& re
 
 void compare_all(const oracle::NaiveAnswer& naive, const GroundNetwork& network, std::uint64_t seed, Coverage& coverage) {
   Monitor monitor;
-  for (const char* method : {"exact", "auto", "mcsat", "gibbs", "map"}) {
+  for (const char* method : {"exact", "auto", "matching", "mcsat", "gibbs", "map"}) {
     SCOPED_TRACE(method);
     InferenceOptions options;
     options.method = method;
     options.seed = seed;
     const InferenceResult result = infer(network, options, monitor);
-    if (result.termination == Termination::kRefused && options.method == "gibbs") continue;
+    if (result.termination == Termination::kRefused && (options.method == "gibbs" || options.method == "matching")) {
+      continue;
+    }
     if (!naive.possible) {
       EXPECT_EQ(result.termination, Termination::kNoPossibleWorld) << result.message;
     } else if (options.method == "map") {
       ASSERT_TRUE(result.map.has_value()) << result.message;
       EXPECT_TRUE(result.map->optimal) << "gap " << result.map->gap;
       EXPECT_NEAR(result.map->log_score, naive.best_score, 1e-7 * std::max(1.0, std::abs(naive.best_score)));
-    } else if (options.method == "exact" || options.method == "auto") {
+    } else if (options.method == "exact" || options.method == "auto" || options.method == "matching") {
       compare_exact(naive, result);
     } else {
       compare_sampled(naive, result, coverage);
