@@ -176,7 +176,7 @@ void add_learn(CLI::App& app, Action& action) {
   command->add_option("-o,--output", arguments->output, "The model with its learned weights; '-': standard output")
       ->type_name("OUT.mln")
       ->required();
-  add_learning_options(*command, arguments->learning, true);
+  add_learning_options(*command, arguments->learning);
   command->add_option("--samples", arguments->learning.samples, "Draws an iteration (mcsat; default 1000)")
       ->type_name("N");
   command->add_flag("--standard-errors", arguments->learning.standard_errors,

@@ -53,7 +53,7 @@ void add_training_options(CLI::App& command, LearningArguments& arguments, Optio
                    "Skip evidence for predicates that the model does not declare");
 }
 
-void add_learning_options(CLI::App& command, LearningArguments& arguments, bool choose_target) {
+void add_learning_options(CLI::App& command, LearningArguments& arguments) {
   std::string names, help = fmt::format("What is maximised (default {})", arguments.method);
   for (const LearningMethodInfo& info : learning_methods()) {
     names += fmt::format("{}{}", names.empty() ? "" : "|", info.name);
@@ -63,10 +63,8 @@ void add_learning_options(CLI::App& command, LearningArguments& arguments, bool 
     command.add_option(name, values, text)->allow_extra_args(false)->type_name(type);
   };
   command.add_option("--method", arguments.method, help)->type_name(names);
-  if (choose_target) {
-    repeatable("--discriminative", arguments.discriminative, "PRED,..",
-               "Predicates that are to be predicted; all others are given (dpll, cll, mcsat)");
-  }
+  repeatable("--discriminative", arguments.discriminative, "PRED,..",
+             "Predicates that are to be predicted; all others are given (dpll, cll, mcsat)");
   repeatable("--block", arguments.blocks, "PRED,..",
              "Atoms of these predicates with the same arguments are one variable (bpll); repeatable");
   command.add_option("--prior-mean", arguments.prior_mean, "Mean of the Gaussian prior of each weight (default 0)")

@@ -25,8 +25,7 @@ struct LearningArguments {
 };
 
 void add_training_options(CLI::App& command, LearningArguments& arguments, Options& options);
-// `choose_target`: with --discriminative.
-void add_learning_options(CLI::App& command, LearningArguments& arguments, bool choose_target);
+void add_learning_options(CLI::App& command, LearningArguments& arguments);
 
 // All databases of all files, in order; or nothing after printing what is wrong.
 std::optional<std::vector<Evidence>> read_training(Session& session, const Model& model,

@@ -202,7 +202,12 @@ int validate_and_write(Session& session, const Arguments& arguments) {
   const auto target = find_predicate(session, *model, "-q", arguments.options.queries[0]);
   if (!target) return kBadInput;
   LearningArguments learning = arguments.learning;
-  learning.discriminative = {arguments.options.queries[0]};
+  // What is asked is what is to be predicted.
+  const std::vector<std::string> asked{arguments.options.queries[0]};
+  if (!learning.discriminative.empty() && learning.discriminative != asked) {
+    return session.error("--discriminative: cross-validation predicts the predicate of -q, and no other"), kBadInput;
+  }
+  learning.discriminative = asked;
   for (const LearningMethodInfo& info : learning_methods()) {
     if (info.name == learning.method && !info.discriminative) learning.discriminative.clear();
   }
@@ -258,7 +263,7 @@ void add_xval(CLI::App& app, Action& action) {
                    "The fold (1, 2, ...) of each database, separated by white space, in place of --folds")
       ->type_name("FILE");
   arguments->learning.method = "cll";
-  add_learning_options(*command, arguments->learning, false);  // what is asked is what is to be predicted
+  add_learning_options(*command, arguments->learning);
   command
       ->add_option("--tune", arguments->tuning,
                    "FORMULAS=STDEVS, e.g. 1-6,8=0.5,1,2: these soft formulas share the standard deviation that does "

@@ -205,6 +205,7 @@ Run run_candidate(const Candidate& candidate, const Model& model, std::span<cons
   options.inference.threads = 1;
   options.inference.seed = seed;
   options.inference.search_gap = 1e-4;
+  options.inference.samples = 5000;  // of the few scenes that are too wide for exact sums
   options.tuning_method = "dpll";
   options.tuning_folds = 3;
   if (candidate.tuned) {
