@@ -2,7 +2,7 @@
 # To add a target: depend on `setup` (or on `build`, which does), keep it a few lines, name it under `help`.
 
 .DEFAULT_GOAL := build
-.PHONY: help setup build demo test check-long bench format lint fuzz docs sanitize fusion install clean
+.PHONY: help setup build demo test check-long bench format lint fuzz docs sanitize fusion figures install clean
 
 JOBS ?= $(shell nproc)
 FUZZ_SECONDS ?= 60
@@ -19,6 +19,7 @@ help:
 	@echo 'make format      clang-format over all sources'
 	@echo 'make lint        clang-format --dry-run and clang-tidy'
 	@echo 'make fusion      the information-fusion experiment on synthetic scenes, or on DATA=SCENES.db'
+	@echo 'make figures     the four-table evaluation (Fig. 10): CSV, SVG and a page in build/figures, about two minutes'
 	@echo 'make docs        docs/commands.md from --help, and a check of all links in the documents'
 	@echo 'make install     to PREFIX (/usr/local)'
 
@@ -72,6 +73,12 @@ fusion: build
 	cmake --build --preset release -j $(JOBS) --target example_fusion_experiment
 	@mkdir -p build/fusion
 	build/examples/fusion_experiment $(if $(DATA),--data $(DATA),--scenes 40 --seeds 2 --folds 5) --out build/fusion
+
+# Every number of docs/experiments/identity.md.
+figures: build
+	@mkdir -p build/figures
+	build/bin/sherlog track evaluate --csv build/figures/four_tables.csv --svg build/figures/four_tables.svg \
+	  --html build/figures/four_tables.html --json build/figures/four_tables.json | tee build/figures/four_tables.txt
 
 install: build
 	cmake --build --preset release -j $(JOBS)

@@ -37,10 +37,13 @@ std::string simulate_text(const FourTablesConfig& config, const std::string& mat
   std::string text = fmt::format("{} trials, {} objects, {} tables, {} actions, noise {}; matcher {}\n\n", trials,
                                  config.objects, config.tables, config.actions, config.noise, matcher);
   Table table({{"success rate", Align::kLeft}, {"clusters", Align::kRight}, {"rate (95 %)", Align::kRight}});
-  table.add_row({"association of new clusters", std::to_string(score.association.total()), share_text(score.association)});
+  table.add_row(
+      {"association of new clusters", std::to_string(score.association.total()), share_text(score.association)});
   table.add_row({"explanation", std::to_string(score.explanation.total()), share_text(score.explanation)});
-  table.add_row({"explanation of acted-on objects", std::to_string(score.acted_on.total()), share_text(score.acted_on)});
-  table.add_row({"... of those that are not hidden", std::to_string(score.acted_on_shown.total()), share_text(score.acted_on_shown)});
+  table.add_row(
+      {"explanation of acted-on objects", std::to_string(score.acted_on.total()), share_text(score.acted_on)});
+  table.add_row({"... of those that are not hidden", std::to_string(score.acted_on_shown.total()),
+                 share_text(score.acted_on_shown)});
   text += table.text();
   text += fmt::format("\nreported as disappeared though out of view: {}\n", score.disappeared_out_of_view);
   if (trials > 0) {
@@ -58,7 +61,7 @@ int simulate(Session& session, const SimulateArguments& arguments) {
                                      kMostDumped)),
            kBadInput;
   }
-  const auto matcher = make_matcher(session, arguments.matcher, arguments.model, *config);
+  const auto matcher = make_matcher(session, arguments.matcher, arguments.model, arguments.track, *config);
   if (!matcher) return kBadInput;
   TrackRun run;
   run.config = *config;
@@ -87,22 +90,22 @@ int simulate(Session& session, const SimulateArguments& arguments) {
   const std::string text =
       arguments.dump == "-" ? "" : simulate_text(*config, matcher->name(), result.trials, score, timing);
   return session.finish(exit_code(result.termination), text, [&] {
-                          Json json;
-                          json["schema"] = "sherlog.track.simulate/1";
-                          json["termination"] = to_string(result.termination);
-                          if (!result.message.empty()) json["message"] = result.message;
-                          json["matcher"] = matcher->name();
-                          json["seed"] = run.seed;
-                          json["trials"] = result.trials;
-                          json["config"] = config_json(*config);
-                          json["association"] = share_json(score.association);
-                          json["explanation"] = share_json(score.explanation);
-                          json["acted_on"] = share_json(score.acted_on);
-                          json["acted_on_shown"] = share_json(score.acted_on_shown);
-                          json["disappeared_out_of_view"] = score.disappeared_out_of_view;
-                          json["seconds"] = {{"resolve", timing.sum}, {"longest", timing.longest}, {"total", session.seconds()}};
-                          return to_text(json);
-                        });
+    Json json;
+    json["schema"] = "sherlog.track.simulate/1";
+    json["termination"] = to_string(result.termination);
+    if (!result.message.empty()) json["message"] = result.message;
+    json["matcher"] = matcher->name();
+    json["seed"] = run.seed;
+    json["trials"] = result.trials;
+    json["config"] = config_json(*config);
+    json["association"] = share_json(score.association);
+    json["explanation"] = share_json(score.explanation);
+    json["acted_on"] = share_json(score.acted_on);
+    json["acted_on_shown"] = share_json(score.acted_on_shown);
+    json["disappeared_out_of_view"] = score.disappeared_out_of_view;
+    json["seconds"] = {{"resolve", timing.sum}, {"longest", timing.longest}, {"total", session.seconds()}};
+    return to_text(json);
+  });
 }
 
 int run_simulate(const SimulateArguments& arguments) {
@@ -118,12 +121,14 @@ void add_simulate(CLI::App& track, Action& action) {
   CLI::App* command =
       track.add_subcommand("simulate", "Simulates the four tables and resolves who is who in every trial");
   add_world_file_options(*command, arguments->track);
+  add_trials_options(*command, arguments->track);
   command->add_option("--actions", arguments->track.actions, "Actions between the two looks (default 3)")
       ->type_name("N")
       ->check(whole_number(100000));
   command->add_option("--noise", arguments->track.noise, "Sigma of positions (metres) and colours (default 0.05)")
       ->type_name("S");
-  command->add_option("--matcher", arguments->matcher, "Who resolves: a Markov logic model, or a baseline (default mln)")
+  command
+      ->add_option("--matcher", arguments->matcher, "Who resolves: a Markov logic model, or a baseline (default mln)")
       ->type_name("NAME")
       ->check(one_of(matcher_names()));
   command
@@ -142,6 +147,7 @@ void add_track(CLI::App& app, Action& action) {
   CLI::App* command = app.add_subcommand("track", "Object identity over scenes: simulate and evaluate");
   command->require_subcommand(1);
   add_simulate(*command, action);
+  add_track_learn(*command, action);
   add_track_evaluate(*command, action);
 }
 

@@ -5,6 +5,7 @@
 
 namespace sherlog::cli {
 
+void add_track_learn(CLI::App& track, Action& action);
 void add_track_evaluate(CLI::App& track, Action& action);
 
 }  // namespace sherlog::cli

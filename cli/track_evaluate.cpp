@@ -55,7 +55,8 @@ std::string figures_text(const TrackEvaluation& e, double seconds) {
       trials += cell.trials;
       disappeared += cell.scores[m].disappeared_out_of_view;
     }
-    table.add_row({e.matchers[m], fmt::format("{:.3f}", 1e3 * sum / static_cast<double>(std::max<std::uint64_t>(1, trials))),
+    table.add_row({e.matchers[m],
+                   fmt::format("{:.3f}", 1e3 * sum / static_cast<double>(std::max<std::uint64_t>(1, trials))),
                    std::to_string(disappeared)});
   }
   return text + table.text() + fmt::format("\n{:.1f} s in all\n", seconds);
@@ -105,14 +106,16 @@ Json evaluation_json(const TrackEvaluation& e, const TrackRunResult& result, dou
 // One matcher for each name; those that do not depend on the number of actions are kept from cell to cell of one noise.
 class Matchers {
  public:
-  Matchers(Session& session, const std::vector<std::string>& names) : session_(session), names_(names), kept_(names.size()) {}
+  Matchers(Session& session, const Arguments& arguments)
+      : session_(session), track_(arguments.track), names_(arguments.matchers), kept_(names_.size()) {}
 
   bool prepare(const FourTablesConfig& config) {
     for (std::size_t m = 0; m < names_.size(); ++m) {
       const bool depends = names_[m] == "generative" || noise_ != config.noise;
       if (kept_[m] && !depends) continue;
       const bool baseline = std::ranges::find(baseline_names(), names_[m]) != baseline_names().end();
-      kept_[m] = baseline ? make_matcher(session_, names_[m], "", config) : make_matcher(session_, "mln", names_[m], config);
+      kept_[m] = baseline ? make_matcher(session_, names_[m], "", track_, config)
+                          : make_matcher(session_, "mln", names_[m], track_, config);
       if (!kept_[m]) return false;
     }
     noise_ = config.noise;
@@ -127,6 +130,7 @@ class Matchers {
 
  private:
   Session& session_;
+  const TrackOptions& track_;
   std::vector<std::string> names_;
   std::vector<std::unique_ptr<Matcher>> kept_;
   double noise_ = -1;
@@ -135,9 +139,9 @@ class Matchers {
 // Every cell's trials have a seed of their own, the same for all matchers.
 std::uint64_t cell_seed(std::uint64_t seed, std::size_t cell) { return seed * 1000 + cell + 1; }
 
-TrackRunResult run_cells(Session& session, const Arguments& arguments, const FourTablesConfig& config, TrackEvaluation& e,
-                         bool& good) {
-  Matchers matchers(session, arguments.matchers);
+TrackRunResult run_cells(Session& session, const Arguments& arguments, const FourTablesConfig& config,
+                         TrackEvaluation& e, bool& good) {
+  Matchers matchers(session, arguments);
   TrackRunResult result;
   const std::size_t cells = arguments.noises.size() * arguments.actions.size();
   const double total = static_cast<double>(cells * arguments.track.trials);
@@ -229,11 +233,13 @@ void add_track_evaluate(CLI::App& track, Action& action) {
   CLI::App* command =
       track.add_subcommand("evaluate", "Success rates over noise and actions (Fig. 10), models next to baselines");
   add_world_file_options(*command, arguments->track);
+  add_trials_options(*command, arguments->track);
   command->add_option("--noise", arguments->noises, "Sigmas, with commas between them (default 0.025,0.05,0.075,0.1)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("S,..");
-  command->add_option("--actions", arguments->actions, "Numbers of actions, with commas between them (default 1,2,3,4,5)")
+  command
+      ->add_option("--actions", arguments->actions, "Numbers of actions, with commas between them (default 1,2,3,4,5)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("N,..")

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "mln/text_file.h"
 #include "mln/model.h"
+#include "mln/text_file.h"
 #include "perception_bridge/baseline_matchers.h"
 #include "perception_bridge/identity_learning.h"
 #include "perception_bridge/identity_resolver.h"
@@ -16,10 +16,25 @@ void add_world_file_options(CLI::App& command, TrackOptions& options) {
       .add_option("--config", options.config_file,
                   "The simulated world as a JSON file: any of the parameters that --json lists under config")
       ->type_name("FILE");
-  command.add_option("--objects", options.objects, "Objects in the world (default 15)")->type_name("N")->check(whole_number(1000));
+  command.add_option("--objects", options.objects, "Objects in the world (default 15)")
+      ->type_name("N")
+      ->check(whole_number(1000));
+}
+
+void add_training_trials_option(CLI::App& command, TrackOptions& options) {
+  command
+      .add_option(
+          "--training-trials", options.training_trials,
+          "Trials that the learned model is learned from, at the same noise, with 1 to 5 actions (default 1000)")
+      ->type_name("N")
+      ->check(whole_number(1000000));
+}
+
+void add_trials_options(CLI::App& command, TrackOptions& options) {
   command.add_option("--trials", options.trials, "Trials, of each cell (default 1000)")
       ->type_name("N")
       ->check(whole_number(100000000));
+  add_training_trials_option(command, options);
 }
 
 std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions& options) {
@@ -36,6 +51,7 @@ std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions
   if (options.noise) config.noise = *options.noise;
   if (const std::string problem = validate(config); !problem.empty()) return session.error(problem), std::nullopt;
   if (options.trials == 0) return session.error("--trials: at least 1 is needed"), std::nullopt;
+  if (options.training_trials == 0) return session.error("--training-trials: at least 1 is needed"), std::nullopt;
   return config;
 }
 
@@ -46,27 +62,35 @@ const std::vector<std::string>& baseline_names() {
 
 std::vector<std::string> matcher_names() { return {"mln", "generative", "hungarian", "nearest"}; }
 
-namespace {
-
-std::optional<LearnedIdentity> learn_for(Session& session, const FourTablesConfig& config) {
+IdentityTraining identity_training(Session& session, const TrackOptions& options, const FourTablesConfig& config) {
   IdentityTraining training;
   training.config = config;
-  training.seed ^= session.options().seed;  // far from any seed that trials are evaluated on
+  training.trials = options.training_trials;
+  training.seed ^= session.options().seed;
   training.threads = session.options().threads;
+  return training;
+}
+
+namespace {
+
+std::optional<LearnedIdentity> learn_for(Session& session, const TrackOptions& options,
+                                         const FourTablesConfig& config) {
+  const IdentityTraining training = identity_training(session, options, config);
   LearnedIdentity learned = learn_identity(training, session.monitor());
   if (learned.termination == Termination::kCompleted) return learned;
   session.error(learned.message);
   return std::nullopt;
 }
 
-std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& model_name, const FourTablesConfig& config) {
+std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& model_name, const TrackOptions& track,
+                                       const FourTablesConfig& config) {
   Diagnostics& diagnostics = session.diagnostics();
   std::optional<Model> model;
   Grading grading;
   if (model_name == "paper") {
     model = parse_model(paper_identity_model(), "paper", diagnostics);
   } else if (model_name == "learned") {
-    const auto learned = learn_for(session, config);
+    const auto learned = learn_for(session, track, config);
     if (!learned) return nullptr;
     model = parse_model(learned->model, "learned", diagnostics);
     grading = learned->grading;
@@ -87,8 +111,8 @@ std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& mode
 }  // namespace
 
 std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,
-                                      const FourTablesConfig& config) {
-  if (name == "mln") return make_resolver(session, model, config);
+                                      const TrackOptions& options, const FourTablesConfig& config) {
+  if (name == "mln") return make_resolver(session, model, options, config);
   if (name == "generative") return generative_matcher(config);
   if (name == "hungarian") return hungarian_matcher();
   return nearest_neighbour_matcher();

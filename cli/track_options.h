@@ -11,6 +11,7 @@
 #include "cli/session.h"
 #include "perception_bridge/four_tables.h"
 #include "perception_bridge/identity_belief.h"
+#include "perception_bridge/identity_learning.h"
 #include "perception_bridge/track_score.h"
 
 namespace sherlog::cli {
@@ -20,9 +21,12 @@ struct TrackOptions {
   std::optional<std::uint32_t> objects, actions;
   std::optional<double> noise;
   std::uint64_t trials = 1000;
+  std::uint64_t training_trials = 1000;
 };
 
-void add_world_file_options(CLI::App& command, TrackOptions& options);  // --config --objects --trials
+void add_world_file_options(CLI::App& command, TrackOptions& options);  // --config --objects
+void add_training_trials_option(CLI::App& command, TrackOptions& options);
+void add_trials_options(CLI::App& command, TrackOptions& options);  // --trials --training-trials
 
 // The defaults, then the file, then the options; nothing after saying what is wrong.
 std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions& options);
@@ -33,7 +37,9 @@ const std::vector<std::string>& baseline_names();
 // One by its name, for that world; nothing after saying what is wrong.
 // `model`: of the matcher mln: paper, learned, or a file.
 std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,
-                                      const FourTablesConfig& config);
+                                      const TrackOptions& options, const FourTablesConfig& config);
+// Training trials at the config's noise, with 1 to 5 actions, far from any seed that trials are evaluated on.
+IdentityTraining identity_training(Session& session, const TrackOptions& options, const FourTablesConfig& config);
 
 // "0.968 +-0.004"
 std::string share_text(const GroupedShare& share);

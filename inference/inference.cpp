@@ -20,7 +20,7 @@ namespace {
 constexpr int kAutoFailedSearches = 16;
 // Components with fewer variables than this are summed at once anyway.
 constexpr std::size_t kLeastMatching = 32;
-constexpr double kConvergedRhat = 1.01;      // Vehtari et al. 2021, section 4
+constexpr double kConvergedRhat = 1.01;  // Vehtari et al. 2021, section 4
 constexpr double kConvergedEssPerChain = 100.0;
 
 // Takes over what `part` says about these components, which `result` leaves alone.

@@ -50,8 +50,8 @@ struct Outcome {
 };
 
 // Sum of the components' features; minus infinity where a hard formula of theirs is broken.
-double score_of(const GroundNetwork& network, std::span<const ComponentId> components, std::span<const std::uint32_t> values,
-                std::span<const double> atom_bias) {
+double score_of(const GroundNetwork& network, std::span<const ComponentId> components,
+                std::span<const std::uint32_t> values, std::span<const double> atom_bias) {
   std::vector<std::uint8_t> truth(network.gate_count(), 0);
   const auto is_true = [&](Literal l) {
     if (l.is_gate()) return (truth[l.gate().index()] != 0) != l.negated();
@@ -72,7 +72,8 @@ double score_of(const GroundNetwork& network, std::span<const ComponentId> compo
     }
     if (atom_bias.empty()) continue;
     for (VariableId v : network.component_variables(c)) {
-      if (values[v.index()] < network.candidate_count(v)) score += atom_bias[network.first_atom(v).index() + values[v.index()]];
+      if (values[v.index()] < network.candidate_count(v))
+        score += atom_bias[network.first_atom(v).index() + values[v.index()]];
     }
   }
   return score;
@@ -125,7 +126,8 @@ class MapSearch {
   }
 
   // False where a component has no possible world. What elimination leaves open is moved to `others`.
-  bool solve_tiny(const GroundNetwork& network, std::span<const ComponentId> tiny, std::vector<ComponentId>& others, Outcome& out) {
+  bool solve_tiny(const GroundNetwork& network, std::span<const ComponentId> tiny, std::vector<ComponentId>& others,
+                  Outcome& out) {
     const MethodResult result = run_exact_map({network, tiny, options_, stop_, {}});
     if (result.termination == Termination::kNoPossibleWorld) return false;
     if (result.termination == Termination::kCompleted) {
@@ -216,7 +218,8 @@ class MapSearch {
   }
 
   static void keep_better(LocalOptimum& best, LocalOptimum other) {
-    if (other.broken < best.broken || (other.broken == best.broken && other.score > best.score)) best = std::move(other);
+    if (other.broken < best.broken || (other.broken == best.broken && other.score > best.score))
+      best = std::move(other);
   }
 
   Outcome solve_wide(const GroundNetwork& network, double bound) {
@@ -242,7 +245,9 @@ class MapSearch {
                      std::vector<std::vector<std::uint32_t>>& starts, Outcome& out) {
     const double size = static_cast<double>(program.entries() + program.rows() + program.columns());
     IntegerProgramStatus status = IntegerProgramStatus::kOpen;
-    const auto relax = [&](double work) { status = program.relax({static_cast<std::uint64_t>(work / size), 0}, stop_); };
+    const auto relax = [&](double work) {
+      status = program.relax({static_cast<std::uint64_t>(work / size), 0}, stop_);
+    };
     relax(kFirstWork);
     LocalOptimum best;
     if (program.is_relaxed()) {

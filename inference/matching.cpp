@@ -18,9 +18,9 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kForced = 0x1p20;      // nats
-constexpr double kMostWeight = 0x1p14;  // beyond this in size, sums of weights could compete with kForced
-constexpr double kMostTableLog2 = 24.0; // entries of the sum's table: 128 MB
+constexpr double kForced = 0x1p20;       // nats
+constexpr double kMostWeight = 0x1p14;   // beyond this in size, sums of weights could compete with kForced
+constexpr double kMostTableLog2 = 24.0;  // entries of the sum's table: 128 MB
 constexpr std::uint64_t kConflictDecisions = 100000;
 
 // One cluster with its pair or row on, or off.
@@ -195,7 +195,8 @@ class Weigher {
       out_.log_base += on;
       return kForced;
     }
-    if (std::abs(on - off) > kMostWeight) return stop(Termination::kRefused, "its weights are too large for a matching");
+    if (std::abs(on - off) > kMostWeight)
+      return stop(Termination::kRefused, "its weights are too large for a matching");
     out_.log_base += off;
     return on - off;
   }
@@ -243,7 +244,8 @@ struct ComponentAnswer {
   double log_partition = 0.0;
 };
 
-ComponentAnswer answer(const MethodContext& context, const MatchingStructure& structure, std::vector<Marginal>& marginals) {
+ComponentAnswer answer(const MethodContext& context, const MatchingStructure& structure,
+                       std::vector<Marginal>& marginals) {
   const auto stopped = [](Termination t, std::string message) { return ComponentAnswer{t, std::move(message), 0.0}; };
   if (!structure.found()) return stopped(Termination::kRefused, structure.problem);
   if (matching_sum_log2(structure.rows, structure.columns) > std::min(kMostTableLog2, context.options.max_table_log2)) {
@@ -381,6 +383,7 @@ MethodResult run_matching(const MethodContext& context) {
   }
   if (matchings.empty() && !others.empty()) {
     MethodResult refused;
+    refused.marginals.resize(context.network.queries().size());
     refused.termination = Termination::kRefused;
     refused.message = fmt::format("the network is no one-to-one matching: {}; 'exact' or 'mcsat' may answer", why);
     return refused;

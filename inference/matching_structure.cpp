@@ -12,9 +12,9 @@ namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kMaxAnchors = 4096;
-constexpr std::uint32_t kMaxValues = 11;           // on-values of an anchor: their pairs are counted in seven bits
-constexpr std::uint8_t kStatedAtOnce = 0x80;       // a clause with a positive literal excludes several values in one go
-constexpr double kMaxClusterValues = 1 << 14;      // joint values that a cluster may have
+constexpr std::uint32_t kMaxValues = 11;       // on-values of an anchor: their pairs are counted in seven bits
+constexpr std::uint8_t kStatedAtOnce = 0x80;   // a clause with a positive literal excludes several values in one go
+constexpr double kMaxClusterValues = 1 << 14;  // joint values that a cluster may have
 
 // Two literals of different variables of which one has to hold.
 struct Exclusion {
@@ -248,7 +248,8 @@ class Finder {
     cluster_at_.assign(parent_.size(), kNoGroup);
     for (VariableId v : network_.component_variables(component_)) cluster(v.value).variables.push_back(v);
     for (std::size_t i = 0; i < constraints.size(); ++i) {
-      if (!is_exclusion_[i]) cluster(network_.constraints()[constraints[i]].literal).constraints.push_back(constraints[i]);
+      if (!is_exclusion_[i])
+        cluster(network_.constraints()[constraints[i]].literal).constraints.push_back(constraints[i]);
     }
     for (std::uint32_t f : network_.component_features(component_)) {
       cluster(network_.features()[f].literal).features.push_back(f);
@@ -316,8 +317,8 @@ class Finder {
     if (literal.negated() || network_.gate_kind(literal.gate()) != GateKind::kOr) return false;
     std::uint8_t& known = out_.anchors_only[literal.gate().index()];
     if (known == 0) {
-      const bool all = std::ranges::all_of(network_.gate_inputs(literal.gate()),
-                                           [&](Literal input) { return anchors_only(input); });
+      const bool all =
+          std::ranges::all_of(network_.gate_inputs(literal.gate()), [&](Literal input) { return anchors_only(input); });
       known = all ? 1 : 2;
     }
     return known == 1;
@@ -402,11 +403,11 @@ class Finder {
   ComponentId component_;
   MatchingStructure out_;
   std::vector<Exclusion> exclusions_;
-  std::vector<bool> is_exclusion_;                                 // by position in component_constraints
-  std::unordered_map<std::uint32_t, std::vector<bool>> denied_;    // by variable
-  std::vector<std::uint32_t> on_count_;                            // by cell
-  std::vector<std::uint8_t> counts_;                               // by two cells: excluded pairs of values
-  std::vector<std::array<std::uint32_t, 2>> groups_of_;            // by cell
+  std::vector<bool> is_exclusion_;                               // by position in component_constraints
+  std::unordered_map<std::uint32_t, std::vector<bool>> denied_;  // by variable
+  std::vector<std::uint32_t> on_count_;                          // by cell
+  std::vector<std::uint8_t> counts_;                             // by two cells: excluded pairs of values
+  std::vector<std::array<std::uint32_t, 2>> groups_of_;          // by cell
   std::vector<std::uint32_t> parent_, cluster_at_, visited_;
   std::uint32_t visit_ = 0;
   std::vector<std::uint64_t> named_;

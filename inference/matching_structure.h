@@ -40,7 +40,7 @@ struct MatchingCell {
 // A row or column with two or more cells.
 struct MatchingGroup {
   bool is_row = false;
-  std::uint32_t number = 0;          // of the row or column
+  std::uint32_t number = 0;  // of the row or column
   std::vector<std::uint32_t> cells;
 };
 

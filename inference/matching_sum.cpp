@@ -34,8 +34,7 @@ class SubsetSum {
       alone_.push_back(std::exp(-best.column_potential[r]));
       std::vector<Pair>& pairs = pairs_.emplace_back();
       for (std::size_t c = 0; c < columns; ++c) {
-        const double weight =
-            std::exp(log_weights[r * columns + c] - best.column_potential[r] - best.row_potential[c]);
+        const double weight = std::exp(log_weights[r * columns + c] - best.column_potential[r] - best.row_potential[c]);
         if (weight > 0) pairs.push_back({static_cast<std::uint32_t>(c), weight});
       }
     }

@@ -12,9 +12,11 @@ namespace {
 // inference.cpp.
 constexpr Method kMethods[] = {
     {"exact", "marginals and log Z by variable elimination; refuses components that are too wide", false, run_exact},
-    {"matching", "exact marginals of one-to-one matchings such as object identity; refuses what is none", false, run_matching},
+    {"matching", "exact marginals of one-to-one matchings such as object identity; refuses what is none", false,
+     run_matching},
     {"mcsat", "marginals by MC-SAT with Gibbs and joint-block moves; any model", false, run_mcsat},
-    {"gibbs", "marginals by Gibbs sampling over blocks; refuses hard formulas that lock single moves in", false, run_gibbs},
+    {"gibbs", "marginals by Gibbs sampling over blocks; refuses hard formulas that lock single moves in", false,
+     run_gibbs},
     {"map", "a most probable world, with a proof of optimality where one is found", true, run_map},
 };
 

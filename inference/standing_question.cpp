@@ -58,8 +58,9 @@ StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& m
     named.predicate = network.predicate_of(atom);
     const auto arguments = network.arguments_of(atom);
     named.arguments.assign(arguments.begin(), arguments.end());
-    named.probability = result.map ? (result.map->values[network.variable_of(atom).index()] == network.value_of(atom) ? 1 : 0)
-                                   : result.marginals[q].probability;
+    named.probability = result.map
+                            ? (result.map->values[network.variable_of(atom).index()] == network.value_of(atom) ? 1 : 0)
+                            : result.marginals[q].probability;
   }
   return answer;
 }

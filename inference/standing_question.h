@@ -27,15 +27,16 @@ class StandingQuestion {
   };
   struct Answer {
     Termination termination = Termination::kCompleted;
-    std::string message;           // a sentence where not completed
-    std::string method;            // the one that ran
+    std::string message;               // a sentence where not completed
+    std::string method;                // the one that ran
     std::optional<Evidence> evidence;  // whose constants the arguments are
-    std::vector<Atom> atoms;       // the queried ones that the evidence does not decide
+    std::vector<Atom> atoms;           // the queried ones that the evidence does not decide
     double ground_seconds = 0.0, infer_seconds = 0.0;
   };
 
   // `queries`: predicates, in whose atoms the answers are. `open`: further predicates that are open.
-  StandingQuestion(Model model, std::vector<std::string> queries, std::vector<std::string> open, InferenceOptions options);
+  StandingQuestion(Model model, std::vector<std::string> queries, std::vector<std::string> open,
+                   InferenceOptions options);
 
   const Model& model() const { return model_; }
   const InferenceOptions& options() const { return options_; }

@@ -8,7 +8,7 @@
 namespace sherlog {
 
 struct BaselineOptions {
-  double sigma_color = 0.25;     // of the paper's similarity g, see grades.h
+  double sigma_color = 0.25;  // of the paper's similarity g, see grades.h
   double sigma_position = 0.25;
   double least_similarity = 0.05;  // pairs whose combined similarity is less are none; the best of a coarse search
 };

@@ -67,7 +67,7 @@ struct Observation {
   std::uint32_t table = 0;   // the first is 1
   Position position{};
   Color color{};
-  bool out_of_view = false;  // of old ones: the place, as measured, lies outside the present view
+  bool out_of_view = false;    // of old ones: the place, as measured, lies outside the present view
   bool place_in_view = false;  // of old ones: the place as it truly was lies inside; no matcher reads this
 };
 
@@ -82,7 +82,7 @@ struct View {
 // Who is who, and why: the truth, or what a matcher says. Clusters are numbered from 0 as in the trial.
 struct Resolution {
   std::vector<std::optional<std::uint32_t>> association;  // by new cluster: an old one, or none
-  std::vector<ClusterExplanation> explanation;                   // by old cluster; an unmatched new one is kAppear
+  std::vector<ClusterExplanation> explanation;            // by old cluster; an unmatched new one is kAppear
   bool operator==(const Resolution&) const = default;
 };
 

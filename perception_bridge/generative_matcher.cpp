@@ -11,9 +11,10 @@
 namespace sherlog {
 namespace {
 
-constexpr double kFar = 8.0;       // sigmas beyond which a density is nothing
-constexpr int kIntervals = 48;     // of Simpson's rule over at most 2 kFar sigmas
-constexpr double kForced = 100.0;  // nats; each new cluster is some object, so matchings that leave one alone weigh nothing
+constexpr double kFar = 8.0;    // sigmas beyond which a density is nothing
+constexpr int kIntervals = 48;  // of Simpson's rule over at most 2 kFar sigmas
+constexpr double kForced =
+    100.0;  // nats; each new cluster is some object, so matchings that leave one alone weigh nothing
 constexpr std::size_t kMostClusters = 20;
 
 // One measured coordinate: Gaussian noise on a true value that is uniform in [0, size], and clamped to that range.
@@ -28,7 +29,8 @@ class Coordinate {
                      [&](double x) { return density(a, x) * density(b, x); });
   }
   double one(double a, double low, double high) const {
-    return integrate(std::max(low, reach_low(a)), std::min(high, reach_high(a)), [&](double x) { return density(a, x); });
+    return integrate(std::max(low, reach_low(a)), std::min(high, reach_high(a)),
+                     [&](double x) { return density(a, x); });
   }
 
  private:
@@ -139,8 +141,8 @@ class GenerativeMatcher : public Matcher {
         const double place = same_place(old, now, trial.view), color = same_color(old, now);
         const double any = anywhere(now, trial.view), any_hue = any_color(now);
         auto& pair = belief.pair(o, n);  // weights now, probabilities below
-        pair = {fates_.untouched * place * color,
-                (fates_.moved * color + fates_.moved_and_changed * any_hue) * any, fates_.changed * place * any_hue};
+        pair = {fates_.untouched * place * color, (fates_.moved * color + fates_.moved_and_changed * any_hue) * any,
+                fates_.changed * place * any_hue};
         log_weights.push_back(std::log(belief.same(o, n)) - std::log(unseen) + kForced);
       }
     }
@@ -151,8 +153,7 @@ class GenerativeMatcher : public Matcher {
       }
     }
     Monitor quiet;
-    const MatchingSum sum =
-        matching_sum(log_weights, old_clusters + unknown, new_clusters, StopCondition(quiet));
+    const MatchingSum sum = matching_sum(log_weights, old_clusters + unknown, new_clusters, StopCondition(quiet));
     for (std::size_t o = 0; o < old_clusters; ++o) {
       for (std::size_t n = 0; n < new_clusters; ++n) {
         const double weight = belief.same(o, n);

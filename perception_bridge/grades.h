@@ -26,7 +26,8 @@ inline double color_distance(const Observation& a, const Observation& b) {
 
 // In the room, where the tables stand in a row.
 inline double position_distance(const Observation& a, const Observation& b, const FourTablesConfig& config) {
-  const double apart = (static_cast<double>(a.table) - static_cast<double>(b.table)) * (config.table_width + config.table_gap);
+  const double apart =
+      (static_cast<double>(a.table) - static_cast<double>(b.table)) * (config.table_width + config.table_gap);
   const double x = a.position[0] - b.position[0] + apart, y = a.position[1] - b.position[1];
   return std::sqrt(x * x + y * y);
 }

@@ -40,8 +40,8 @@ Resolution decide(const IdentityBelief& belief, const FourTablesTrial& trial);
 struct MatcherAnswer {
   Resolution resolution;
   Termination termination = Termination::kCompleted;
-  std::string message;  // where not completed
-  double seconds = 0.0; // from observations to belief
+  std::string message;   // where not completed
+  double seconds = 0.0;  // from observations to belief
 };
 
 class Matcher {

@@ -48,7 +48,8 @@ void write_bits(std::string& text, const char* predicate, std::size_t o, std::si
   const double odds = std::clamp(std::log(grade / (1 - grade)), kLeastOdds, kMostOdds);
   const auto number = static_cast<std::uint32_t>(std::lround((odds - kLeastOdds) / kStep));
   for (std::size_t bit = 0; bit < kBits; ++bit) {
-    if ((number >> bit & 1u) != 0) fmt::format_to(std::back_inserter(text), "{}(O{},N{},B{})\n", predicate, o + 1, n + 1, bit);
+    if ((number >> bit & 1u) != 0)
+      fmt::format_to(std::back_inserter(text), "{}(O{},N{},B{})\n", predicate, o + 1, n + 1, bit);
   }
 }
 
@@ -98,7 +99,8 @@ std::string with_identity_weights(std::string_view model, const std::array<doubl
 
 LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monitor) {
   const auto start = std::chrono::steady_clock::now();
-  if (training.actions.empty() || training.trials == 0) return failed(Termination::kRefused, "there are no training trials");
+  if (training.actions.empty() || training.trials == 0)
+    return failed(Termination::kRefused, "there are no training trials");
   std::vector<FourTablesTrial> trials;
   Differences differences;
   for (std::uint64_t number = 0; number < training.trials; ++number) {

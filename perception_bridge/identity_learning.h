@@ -20,16 +20,16 @@ struct IdentityTraining {
   std::vector<std::uint32_t> actions = {1, 2, 3, 4, 5};  // dealt to the trials in turn
   std::uint64_t trials = 1000;
   std::uint64_t seed = 0x747261696e000000;  // evaluate on another
-  std::string method = "dpll";   // of the learner
+  std::string method = "dpll";              // of the learner
   std::uint32_t threads = 0;
 };
 
 struct LearnedIdentity {
   Termination termination = Termination::kCompleted;
-  std::string message;             // where not completed
-  Grading grading;                 // kOdds
-  std::array<double, 6> weights{}; // in the order of learned.mln's last formulas
-  std::string model;               // learned.mln with these weights
+  std::string message;              // where not completed
+  Grading grading;                  // kOdds
+  std::array<double, 6> weights{};  // in the order of learned.mln's last formulas
+  std::string model;                // learned.mln with these weights
   double objective = 0.0;
   std::uint32_t iterations = 0;
   double seconds = 0.0;

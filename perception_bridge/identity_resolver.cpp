@@ -59,11 +59,13 @@ PairGrade grade_pair(const Observation& old, const Observation& now, const FourT
             clamped(g(position_distance(old, now, config), grading.sigma_position))};
   }
   double color = 0;
-  for (std::size_t c = 0; c < old.color.size(); ++c) color += log_difference(old.color[c] - now.color[c], grading.sigma_color);
+  for (std::size_t c = 0; c < old.color.size(); ++c)
+    color += log_difference(old.color[c] - now.color[c], grading.sigma_color);
   PairGrade grade{grade_of_odds(color), kLeastGrade};
   if (old.table != now.table) return grade;
   double place = std::log(config.table_width * config.table_depth);
-  for (std::size_t a = 0; a < 2; ++a) place += log_difference(old.position[a] - now.position[a], grading.sigma_position);
+  for (std::size_t a = 0; a < 2; ++a)
+    place += log_difference(old.position[a] - now.position[a], grading.sigma_position);
   grade.proximity = grade_of_odds(place);
   return grade;
 }
@@ -87,7 +89,8 @@ std::string identity_evidence(const FourTablesTrial& trial, const Grading& gradi
     for (std::size_t n = 0; n < trial.new_clusters.size(); ++n) {
       PairGrade grade = grade_pair(old, trial.new_clusters[n], trial, grading);
       // To be seen again at its place, the place has to be in view.
-      if (with_sees_place) grade.proximity = grade_of_odds(std::log(grade.proximity / (1 - grade.proximity)) + std::log(sees));
+      if (with_sees_place)
+        grade.proximity = grade_of_odds(std::log(grade.proximity / (1 - grade.proximity)) + std::log(sees));
       fmt::format_to(out, "{} similar(O{},N{})\n{} proximity(O{},N{})\n", grade.similar, o + 1, n + 1, grade.proximity,
                      o + 1, n + 1);
     }
@@ -135,7 +138,8 @@ std::unique_ptr<IdentityResolver> IdentityResolver::make(std::string name, Model
   // What is no evidence is to be found out.
   std::vector<std::string> open;
   for (const Predicate& predicate : model.predicates()) {
-    const bool given = std::ranges::find(kEvidence, predicate.name) != std::end(kEvidence) || predicate.name == kSeesPlace;
+    const bool given =
+        std::ranges::find(kEvidence, predicate.name) != std::end(kEvidence) || predicate.name == kSeesPlace;
     if (!given) open.push_back(predicate.name);
   }
   options.threads = 1;  // trials run side by side
@@ -169,7 +173,8 @@ IdentityResolver::Belief IdentityResolver::believe(const FourTablesTrial& trial)
   const auto positions = [&](DomainId domain, char letter, std::size_t count) {
     std::vector<std::size_t> by_constant(answer.evidence->domain_size(model, domain), count);
     for (std::size_t i = 0; i < count; ++i) {
-      if (const auto c = answer.evidence->find_constant(model, domain, fmt::format("{}{}", letter, i + 1))) by_constant[*c] = i;
+      if (const auto c = answer.evidence->find_constant(model, domain, fmt::format("{}{}", letter, i + 1)))
+        by_constant[*c] = i;
     }
     return by_constant;
   };

@@ -29,7 +29,8 @@ Distribution after_one_action(const Distribution& before, const FourTablesConfig
       }
       const bool is_on = (state & kOn) != 0;
       // The share of each kind's objects that this one is.
-      const double me_on = is_on ? 1.0 / static_cast<double>(on) : 0, me_off = is_on ? 0 : 1.0 / static_cast<double>(off);
+      const double me_on = is_on ? 1.0 / static_cast<double>(on) : 0,
+                   me_off = is_on ? 0 : 1.0 / static_cast<double>(off);
       const auto go = [&](std::size_t next, std::size_t next_on, double share) {
         if (share > 0) after[next][next_on] += p * share / total;
       };

@@ -29,7 +29,8 @@ MatcherAnswer explain(const FourTablesTrial& trial, const Similarities& s,
                       std::vector<std::optional<std::uint32_t>> association) {
   MatcherAnswer answer;
   for (const Observation& old : trial.old_clusters) {
-    answer.resolution.explanation.push_back(old.out_of_view ? ClusterExplanation::kHidden : ClusterExplanation::kDisappear);
+    answer.resolution.explanation.push_back(old.out_of_view ? ClusterExplanation::kHidden
+                                                            : ClusterExplanation::kDisappear);
   }
   for (std::size_t n = 0; n < association.size(); ++n) {
     if (!association[n]) continue;

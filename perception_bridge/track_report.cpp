@@ -12,7 +12,8 @@ namespace sherlog {
 namespace {
 
 constexpr std::uint64_t kLeastPerPoint = 50;  // clusters; fewer make a point that is all interval
-constexpr const char* kColours[] = {"#1b6ca8", "#2a9d5c", "#d98a00", "#c0392b", "#7d3c98", "#555555", "#16a085", "#884400"};
+constexpr const char* kColours[] = {"#1b6ca8", "#2a9d5c", "#d98a00", "#c0392b",
+                                    "#7d3c98", "#555555", "#16a085", "#884400"};
 
 struct Measure {
   const char* name;
@@ -51,14 +52,17 @@ class Picture {
 
   Picture(std::size_t columns, std::size_t rows, const std::vector<double>& noises) {
     const double width = kWidth * static_cast<double>(columns), height = 30 + kHeight * static_cast<double>(rows);
-    fmt::format_to(out(),
-                   "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" "
-                   "font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"white\"/>\n",
-                   width, height);
+    fmt::format_to(
+        out(),
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" "
+        "font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"white\"/>\n",
+        width, height);
     for (std::size_t i = 0; i < noises.size(); ++i) {
       const double x = 60 + 110 * static_cast<double>(i);
-      fmt::format_to(out(), "<line x1=\"{}\" y1=\"16\" x2=\"{}\" y2=\"16\" stroke=\"{}\" stroke-width=\"2\"/>"
-                     "<text x=\"{}\" y=\"20\">noise {}</text>\n", x - 26, x - 6, colour(i), x, noises[i]);
+      fmt::format_to(out(),
+                     "<line x1=\"{}\" y1=\"16\" x2=\"{}\" y2=\"16\" stroke=\"{}\" stroke-width=\"2\"/>"
+                     "<text x=\"{}\" y=\"20\">noise {}</text>\n",
+                     x - 26, x - 6, colour(i), x, noises[i]);
     }
   }
 
@@ -74,14 +78,13 @@ class Picture {
     }
     if (x_max < x_min) x_min = x_max = 0;
     low = std::floor(low * 20) / 20;
-    const auto at_x = [&](double x) {
-      return x0 + (x_max > x_min ? (x - x_min) / (x_max - x_min) : 0.5) * kPlotWidth;
-    };
+    const auto at_x = [&](double x) { return x0 + (x_max > x_min ? (x - x_min) / (x_max - x_min) : 0.5) * kPlotWidth; };
     const auto at_y = [&](double rate) { return y0 + (1 - rate) / (1 - low) * kPlotHeight; };
     fmt::format_to(out(), "<text x=\"{}\" y=\"{}\" font-weight=\"bold\">{}</text>\n", x0, y0 - 10, panel.title);
     for (int i = 0; i <= 4; ++i) {
       const double rate = low + (1 - low) * i / 4;
-      fmt::format_to(out(), "<line x1=\"{0}\" y1=\"{1:.1f}\" x2=\"{2}\" y2=\"{1:.1f}\" stroke=\"#dddddd\"/>"
+      fmt::format_to(out(),
+                     "<line x1=\"{0}\" y1=\"{1:.1f}\" x2=\"{2}\" y2=\"{1:.1f}\" stroke=\"#dddddd\"/>"
                      "<text x=\"{3}\" y=\"{4:.1f}\" text-anchor=\"end\">{5:.3f}</text>\n",
                      x0, at_y(rate), x0 + kPlotWidth, x0 - 4, at_y(rate) + 4, rate);
     }
@@ -95,11 +98,13 @@ class Picture {
       std::string path;
       for (const Point& p : panel.lines[i]) {
         path += fmt::format("{}{:.1f},{:.1f}", path.empty() ? "M" : " L", at_x(p.x), at_y(p.rate));
-        fmt::format_to(out(), "<line x1=\"{0:.1f}\" y1=\"{1:.1f}\" x2=\"{0:.1f}\" y2=\"{2:.1f}\" stroke=\"{3}\"/>"
+        fmt::format_to(out(),
+                       "<line x1=\"{0:.1f}\" y1=\"{1:.1f}\" x2=\"{0:.1f}\" y2=\"{2:.1f}\" stroke=\"{3}\"/>"
                        "<circle cx=\"{0:.1f}\" cy=\"{4:.1f}\" r=\"2.2\" fill=\"{3}\"/>\n",
                        at_x(p.x), at_y(p.low), at_y(p.high), colour(i), at_y(p.rate));
       }
-      if (!path.empty()) fmt::format_to(out(), "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\"/>\n", path, colour(i));
+      if (!path.empty())
+        fmt::format_to(out(), "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\"/>\n", path, colour(i));
     }
   }
 
@@ -133,7 +138,8 @@ std::string escaped(const std::string& text) {
 
 void TrackEvaluation::add(const FourTablesTrial& trial, std::size_t matcher, const Resolution& answer) {
   const auto size = static_cast<std::uint32_t>(trial.old_clusters.size() + trial.new_clusters.size());
-  auto at = std::ranges::find_if(sizes, [&](const TrackSize& s) { return s.noise == trial.config.noise && s.size == size; });
+  auto at =
+      std::ranges::find_if(sizes, [&](const TrackSize& s) { return s.noise == trial.config.noise && s.size == size; });
   if (at == sizes.end()) {
     at = std::ranges::find_if(sizes, [&](const TrackSize& s) {
       return s.noise > trial.config.noise || (s.noise == trial.config.noise && s.size > size);
@@ -177,13 +183,16 @@ std::string track_svg(const TrackEvaluation& e) {
 
 std::string track_html(const TrackEvaluation& e) {
   std::string text =
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Four tables</title>\n<style>body{font-family:"
+      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Four "
+      "tables</title>\n<style>body{font-family:"
       "sans-serif;margin:2em;max-width:1250px}table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .7em;"
-      "text-align:right;border-bottom:1px solid #ddd}th{background:#f4f4f4}td:first-child,th:first-child{text-align:left}"
+      "text-align:right;border-bottom:1px solid "
+      "#ddd}th{background:#f4f4f4}td:first-child,th:first-child{text-align:left}"
       "small{color:#777}svg{max-width:100%;height:auto}</style></head><body>\n<h1>Who is who on four tables</h1>\n";
   const auto out = std::back_inserter(text);
-  fmt::format_to(out, "<p>{} trials a cell, seed {}. Shares with 95 % intervals, which come from the spread between trials.</p>\n",
-                 e.trials, e.seed);
+  fmt::format_to(
+      out, "<p>{} trials a cell, seed {}. Shares with 95 % intervals, which come from the spread between trials.</p>\n",
+      e.trials, e.seed);
   for (const std::string& note : e.notes) fmt::format_to(out, "<p>{}</p>\n", escaped(note));
   static constexpr const char* kTitles[] = {"Association of new clusters", "Explanation of all clusters",
                                             "Explanation of the objects that were acted on",

@@ -29,10 +29,10 @@ struct TrackSize {
 
 struct TrackEvaluation {
   std::vector<std::string> matchers;
-  std::vector<TrackCell> cells;  // by noise, then actions
-  std::vector<TrackSize> sizes;  // by noise, then size
+  std::vector<TrackCell> cells;        // by noise, then actions
+  std::vector<TrackSize> sizes;        // by noise, then size
   std::uint64_t seed = 1, trials = 0;  // a cell
-  std::string config;            // as JSON
+  std::string config;                  // as JSON
   std::vector<std::string> notes;
 
   // Adds a trial of a cell (the last one, made by the caller) to it and to its size.

@@ -48,6 +48,9 @@ void TrackScore::add(const FourTablesTrial& trial, const Resolution& answer) {
     if (!acted[object]) return;
     ++acted_total;
     acted_right += is_right ? 1u : 0u;
+    if (hidden) return;
+    ++shown_total;
+    shown_right += is_right ? 1u : 0u;
   };
   for (std::size_t o = 0; o < trial.old_clusters.size(); ++o) {
     count(trial.old_clusters[o].object, answer.explanation[o] == trial.truth.explanation[o],

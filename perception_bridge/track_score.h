@@ -33,7 +33,8 @@ struct TrackScore {
   // that has appeared in one of both only counts as wrong.
   GroupedShare explanation;
   GroupedShare acted_on;  // the same, of clusters whose object was put, removed, moved or changed
-  GroupedShare acted_on_shown;  // the same without those that are hidden in truth: what could be seen of them is in view
+  GroupedShare
+      acted_on_shown;  // the same without those that are hidden in truth: what could be seen of them is in view
   // One for each old cluster outside the view that is said to have disappeared.
   std::uint64_t disappeared_out_of_view = 0;
 

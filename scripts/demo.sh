@@ -33,6 +33,9 @@ show explain -m $fusion/fusion.mln -e $fusion/breakfast_scene.db 'object(c1, Mil
 title 'If a box is a box of cereals, which sign should the robot look for?'
 show infer -m $fusion/fusion.mln -e $fusion/expected_logo.db -q 'goggles_Logo(c1, ?logo)'
 
+title 'Four tables: 15 objects, things happen, the robot looks again. How often does it know which is which?'
+show track evaluate --trials 60 --training-trials 150 --noise 0.05,0.1 --actions 1,3,5 --quiet
+
 title 'What does not fit together is not answered, but explained:'
 printf '$ sherlog infer -m %s/table1.mln -e %s/contradiction.db -q is,appear,disappear,hidden\n\n' $identity $identity
 code=0

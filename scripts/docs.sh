@@ -13,7 +13,7 @@ write_commands() {
   echo '```text'
   "$program" --help
   echo '```'
-  for command in check ground infer explain learn xval convert advise 'scenes generate'; do
+  for command in check ground infer explain learn xval convert advise 'scenes generate' 'track simulate' 'track learn' 'track evaluate'; do
     echo
     echo "## sherlog $command"
     echo

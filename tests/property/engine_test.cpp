@@ -45,7 +45,8 @@ void compare_sampled(const oracle::NaiveAnswer& naive, const InferenceResult& re
   }
 }
 
-void compare_all(const oracle::NaiveAnswer& naive, const GroundNetwork& network, std::uint64_t seed, Coverage& coverage) {
+void compare_all(const oracle::NaiveAnswer& naive, const GroundNetwork& network, std::uint64_t seed,
+                 Coverage& coverage) {
   Monitor monitor;
   for (const char* method : {"exact", "auto", "matching", "mcsat", "gibbs", "map"}) {
     SCOPED_TRACE(method);

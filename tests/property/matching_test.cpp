@@ -128,10 +128,13 @@ class RandomScene {
   std::string model() {
     if (!learned_) return fmt::format("#include \"{}table1.mln\"\n", kModels);
     return fmt::format(
-        "#include \"{}learned.mln\"\n{} is(o, n, stay)\n{} is(o, n, move)\n{} appear(n)\n{} disappear(o) ^ seesPlace(o)\n",
+        "#include \"{}learned.mln\"\n{} is(o, n, stay)\n{} is(o, n, move)\n{} appear(n)\n{} disappear(o) ^ "
+        "seesPlace(o)\n",
         kModels, weight(), weight(), weight(), weight());
   }
-  std::vector<std::string> open() const { return learned_ ? std::vector<std::string>{"same"} : std::vector<std::string>{}; }
+  std::vector<std::string> open() const {
+    return learned_ ? std::vector<std::string>{"same"} : std::vector<std::string>{};
+  }
 
  private:
   std::size_t below(std::uint64_t n) { return static_cast<std::size_t>(random_() % n); }
@@ -154,8 +157,8 @@ TEST(Matching, AgreesWithEliminationOnRandomScenes) {
     const auto evidence = parse_evidence(*model, scene.evidence(), "scene.db", diagnostics);
     if (!evidence) continue;  // it contradicts itself
     SCOPED_TRACE(fmt::format("seed {}\n{}", seed, scene.evidence()));
-    const auto query =
-        parse_query(*model, evidence->front(), {"is,appear,disappear,hidden", "is(O1,N1,stay) v is(O1,N1,move)"}, diagnostics);
+    const auto query = parse_query(*model, evidence->front(),
+                                   {"is,appear,disappear,hidden", "is(O1,N1,stay) v is(O1,N1,move)"}, diagnostics);
     ASSERT_TRUE(query) << diagnostics.render();
     GroundingOptions grounding;
     for (const std::string& name : scene.open()) grounding.open_world.push_back(*model->find_predicate(name));
@@ -213,7 +216,8 @@ TEST(Matching, RefusesWhatIsNoneAndSaysWhy) {
   // four is none.
   const InferenceResult path = ask("P(a)\nnext(a, a)\n1 P(x)\nnext(x, y) => !P(x) v !P(y).\n",
                                    "next(A,B)\nnext(B,C)\nnext(C,D)\nnext(D,E)\nnext(E,A)\n", "P");
-  EXPECT_EQ(path.termination, Termination::kRefused);  // a ring of five: pairs that alternate rows and columns do not close
+  EXPECT_EQ(path.termination,
+            Termination::kRefused);  // a ring of five: pairs that alternate rows and columns do not close
   EXPECT_NE(path.message.find("no one-to-one matching"), std::string::npos) << path.message;
   const InferenceResult smokers = ask("S(a)\nF(a, a)\n1 F(x, y) ^ S(x) => S(y)\n", "F(A,B)\nF(B,C)\n", "S");
   EXPECT_EQ(smokers.termination, Termination::kRefused);
