@@ -1,0 +1,398 @@
+#include "perception_bridge/scene_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "perception_bridge/kitchen_scenes.h"
+#include "perception_bridge/scene_lines.h"
+
+namespace sherlog {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+// A store in a folder of its own.
+class SceneStoreFile : public testing::Test {
+ protected:
+  SceneStoreFile() {
+    std::string name = (std::filesystem::temp_directory_path() / "sherlog-store-XXXXXX").string();
+    folder_ = mkdtemp(name.data());
+    path_ = (folder_ / "robot.db").string();
+  }
+  ~SceneStoreFile() override { std::filesystem::remove_all(folder_); }
+
+  SceneStore open(const SqlOpen& how = {}) {
+    std::string problem;
+    auto store = SceneStore::open(path_, how, problem);
+    EXPECT_TRUE(store) << problem;
+    return std::move(*store);
+  }
+  std::string problem_of(const SqlOpen& how) {
+    std::string problem;
+    EXPECT_FALSE(SceneStore::open(path_, how, problem));
+    return problem;
+  }
+  void run_sql(const std::string& sql) {
+    sqlite3* handle = nullptr;
+    ASSERT_EQ(sqlite3_open(path_.c_str(), &handle), SQLITE_OK);
+    ASSERT_EQ(sqlite3_exec(handle, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(handle);
+    sqlite3_close(handle);
+  }
+  static ImportResult import(SceneStore& store, const std::string& text, const ImportOptions& options = {}) {
+    std::istringstream in(text);
+    Monitor monitor;
+    return import_lines(store, in, options, monitor);
+  }
+  static std::string exported(SceneStore& store) {
+    std::string text;
+    EXPECT_TRUE(export_lines(store, {}, [&](std::string_view line) { return text += line, true; }));
+    return text;
+  }
+
+  std::filesystem::path folder_;
+  std::string path_;
+};
+
+Annotation label(const std::string& name, double confidence = 0.9) {
+  Annotation annotation;
+  annotation.type = "rs.annotation.Detection";
+  annotation.confidence = confidence;
+  annotation.fields = {{"name", Value(name)}};
+  return annotation;
+}
+
+Annotation on(const std::string& place) {
+  Annotation annotation;
+  annotation.type = "rs.annotation.TFLocation";
+  annotation.fields = {{"frame_id", Value(place)}};
+  return annotation;
+}
+
+Scene small_scene(const std::string& id, double time, const std::vector<std::pair<std::string, std::string>>& things) {
+  Scene scene;
+  scene.id = id;
+  scene.timestamp = time;
+  for (const auto& [name, place] : things) {
+    Cluster& cluster = scene.clusters.emplace_back();
+    cluster.id = "c" + std::to_string(scene.clusters.size() - 1);
+    cluster.annotations = {label(name), on(place)};
+  }
+  return scene;
+}
+
+std::string line(const std::string& id, double time = 1) {
+  return R"({"id":")" + id + R"(","timestamp":)" + std::to_string(time) + "}\n";
+}
+
+TEST_F(SceneStoreFile, AHundredScenesComeOutAsTheyWentIn) {
+  SceneStore store = open();
+  std::vector<Scene> scenes;
+  ASSERT_TRUE(store.begin());
+  for (std::uint64_t i = 0; i < 103; ++i) {
+    scenes.push_back(kitchen_scene(default_kitchen(), 3, i));
+    EXPECT_THAT(validate(scenes.back()), IsEmpty());
+    EXPECT_EQ(store.add(scenes.back()), SceneStore::Added::kNew);
+  }
+  ASSERT_TRUE(store.commit());
+  SceneStore reader = open({.read_only = true});
+  std::size_t next = 0;
+  EXPECT_TRUE(reader.for_each_scene({}, [&](const Scene& scene) { return scene == scenes[next++]; }));
+  EXPECT_EQ(next, 103u) << "the visit ends at the first difference";
+  EXPECT_EQ(reader.scene("kitchen-3-50"), scenes[50]);
+  EXPECT_EQ(reader.scene("kitchen-3-103"), std::nullopt);
+  EXPECT_THAT(reader.check(), IsEmpty());
+}
+
+TEST_F(SceneStoreFile, ExportAndImportAreTheIdentity) {
+  SceneStore store = open();
+  ASSERT_EQ(store.add(small_scene("s1", 1, {{"Milk", "table"}})), SceneStore::Added::kNew);
+  Scene odd;
+  odd.id = "s 2";
+  odd.timestamp = 0.1;
+  odd.calls_them_clusters = true;
+  odd.other = {{"battery", Value(0.5)}};
+  ASSERT_EQ(store.add(odd), SceneStore::Added::kNew);
+  ASSERT_TRUE(store.add(StoredEvidence{"s1", "fusion", "shape(c0,Box)\n"}));
+  ASSERT_TRUE(store.add(StoredBelief{"s1", "fusion", Value(Value::List{Value(0.25)})}));
+  Identity milk;
+  milk.id = "milk-1";
+  milk.last_seen = 1;
+  milk.in_view = true;
+  milk.other = {{"colour", Value("white")}};
+  milk.sightings = {{"s1", "c0", 1, 0.75, "appear"}};
+  ASSERT_TRUE(store.add(milk));
+
+  const std::string text = exported(store);
+  path_ += ".copy";
+  SceneStore copy = open();
+  const ImportResult result = import(copy, text);
+  EXPECT_EQ(result.termination, Termination::kCompleted);
+  EXPECT_EQ(result.added, 2u);
+  EXPECT_EQ(result.records, 3u);
+  EXPECT_EQ(exported(copy), text);
+  const auto again = copy.identity("milk-1");
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->sightings.front().probability, 0.75);
+  EXPECT_TRUE(again->in_view);
+  EXPECT_FALSE(again->disappeared);
+}
+
+TEST_F(SceneStoreFile, ABadLineRollsTheWholeImportBack) {
+  SceneStore store = open();
+  ASSERT_EQ(import(store, line("before")).added, 1u);
+  const ImportResult result = import(store, line("a") + "\n{\"id\": 5}\n" + line("b"));
+  EXPECT_EQ(result.termination, Termination::kRefused);
+  EXPECT_EQ(result.added, 0u);
+  ASSERT_FALSE(result.problems.empty());
+  EXPECT_EQ(result.problems.front().line, 3u);
+  EXPECT_EQ(store.scene_count(), 1u);
+  // The store is as good as before.
+  EXPECT_EQ(import(store, line("a") + line("b")).added, 2u);
+}
+
+TEST_F(SceneStoreFile, SkippingKeepsTheGoodLinesAndNamesTheBadOnes) {
+  SceneStore store = open();
+  const ImportOptions options{.on_error = OnError::kSkip, .limits = {}, .batch = 2};
+  const ImportResult result =
+      import(store, line("a") + "{broken\n" + line("b") + line("a") + line("c") + "[]\n", options);
+  EXPECT_EQ(result.termination, Termination::kCompleted);
+  EXPECT_EQ(result.added, 3u);
+  EXPECT_EQ(result.skipped, 3u);
+  ASSERT_THAT(result.problems, SizeIs(3));
+  EXPECT_EQ(result.problems[0].line, 2u);
+  EXPECT_EQ(result.problems[1].line, 4u);
+  EXPECT_THAT(result.problems[1].text, HasSubstr("has a scene 'a' already"));
+  EXPECT_EQ(result.problems[2].line, 6u);
+  EXPECT_EQ(store.scene_count(), 3u);
+}
+
+TEST_F(SceneStoreFile, ReplacingASceneTakesItsOldPartsAway) {
+  SceneStore store = open();
+  ASSERT_EQ(store.add(small_scene("s", 1, {{"Milk", "table"}, {"Cup", "table"}})), SceneStore::Added::kNew);
+  ASSERT_TRUE(store.add(StoredEvidence{"s", "fusion", "x"}));
+  const Scene other = small_scene("s", 2, {{"Bowl", "fridge"}});
+  EXPECT_EQ(store.add(other), SceneStore::Added::kDuplicate);
+  EXPECT_EQ(store.add(other, true), SceneStore::Added::kReplaced);
+  EXPECT_EQ(store.scene("s"), other);
+  EXPECT_EQ(store.cluster_count(), 1u);
+  EXPECT_THAT(store.find("Milk", {}), IsEmpty());
+  EXPECT_EQ(store.evidence("s", "fusion"), std::nullopt);
+  EXPECT_THAT(store.check(), IsEmpty());
+}
+
+TEST_F(SceneStoreFile, RecordsOfScenesThatAreNotThereAreErrors) {
+  SceneStore store = open();
+  const std::string evidence = R"({"sherlog.record":"evidence","scene":"s1","mapping":"m","text":""})"
+                               "\n";
+  EXPECT_THAT(import(store, evidence).problems.at(0).text, HasSubstr("no scene 's1'"));
+  const std::string identity = R"({"sherlog.record":"identity","id":"i","sightings":[{"scene":"s1","cluster":"c0"}]})"
+                               "\n";
+  EXPECT_THAT(import(store, identity).problems.at(0).text, HasSubstr("a cluster that the store has not"));
+  EXPECT_THAT(store.identities(), IsEmpty());
+  EXPECT_THAT(import(store, R"({"sherlog.record":"dream"})").problems.at(0).text, HasSubstr("none of"));
+}
+
+TEST_F(SceneStoreFile, WhereAThingIsAndWas) {
+  SceneStore store = open();
+  store.add(small_scene("s1", 100, {{"Milk", "table"}, {"Cup", "table"}}));
+  store.add(small_scene("s2", 200, {{"Milk", "fridge"}}));
+  store.add(small_scene("s3", 300, {{"Cup", "table"}}));
+  const auto milk = store.find("milk", {});
+  ASSERT_THAT(milk, SizeIs(2));
+  EXPECT_EQ(milk[0].place, "fridge");
+  EXPECT_EQ(milk[1].place, "table");
+  EXPECT_THAT(store.find("Milk", {.to = 150}), SizeIs(1));
+  EXPECT_THAT(store.at_place("table", {}), SizeIs(3));
+  EXPECT_THAT(store.at_place("table", {.from = 250}), SizeIs(1));
+  EXPECT_EQ(store.last_look("table"), 300);
+  EXPECT_EQ(store.last_look("moon"), std::nullopt);
+  EXPECT_EQ(store.scene_before("s3"), "s2");
+  EXPECT_EQ(store.scene_before("s1"), std::nullopt);
+  EXPECT_THAT(store.scenes({.place = "table", .newest_first = true}), SizeIs(2));
+  EXPECT_THAT(store.scenes({.limit = 1}), SizeIs(1));
+}
+
+TEST_F(SceneStoreFile, AnIdentityIsFoundByItsName) {
+  SceneStore store = open();
+  store.add(small_scene("s1", 100, {{"Cup", "table"}, {"Cup", "table"}}));
+  Identity cup;
+  cup.id = "my cup";
+  cup.sightings = {{"s1", "c1", 0, 0.9, "appear"}};
+  ASSERT_TRUE(store.add(cup));
+  const auto found = store.find("my cup", {});
+  ASSERT_THAT(found, SizeIs(1));
+  EXPECT_EQ(found.front().cluster, "c1");
+  EXPECT_EQ(found.front().time, 100);
+}
+
+// D23: 103 scenes with 587 clusters, of 587 clusters each 1 shape, and 269 answers of an image search.
+TEST_F(SceneStoreFile, CountsAreThoseOfThePapersFigureSix) {
+  SceneStore store = open();
+  const std::pair<const char*, int> answers[] = {
+      {"Logo", 66}, {"similar image", 62}, {"user result", 56}, {"text", 48}, {"product", 37}};
+  std::vector<std::string> categories;
+  for (const auto& [category, count] : answers)
+    categories.insert(categories.end(), static_cast<std::size_t>(count), category);
+  ASSERT_EQ(categories.size(), 269u);
+  ASSERT_TRUE(store.begin());
+  std::size_t cluster = 0;
+  for (std::size_t i = 0; i < 103; ++i) {
+    Scene scene;
+    scene.id = "s" + std::to_string(i);
+    scene.timestamp = static_cast<double>(i);
+    Annotation context;
+    context.type = "sherlog.annotation.Context";
+    context.fields = {{"name", Value("breakfast")}};
+    scene.annotations = {context};
+    for (std::size_t k = 0; k < (i < 72 ? 6u : 5u); ++k, ++cluster) {  // 72 * 6 + 31 * 5 = 587
+      Cluster& entry = scene.clusters.emplace_back();
+      entry.id = "c" + std::to_string(k);
+      Annotation shape;
+      shape.type = "rs.annotation.Shape";
+      shape.fields = {{"shape", Value("box")}};
+      entry.annotations = {shape};
+      if (cluster >= categories.size()) continue;
+      Annotation goggles;
+      goggles.type = "rs.annotation.Goggles";
+      goggles.fields = {{"category", Value(categories[cluster])}, {"title", Value("x")}};
+      entry.annotations.push_back(goggles);
+    }
+    ASSERT_EQ(store.add(scene), SceneStore::Added::kNew);
+  }
+  ASSERT_TRUE(store.commit());
+  EXPECT_EQ(store.scene_count(), 103u);
+  EXPECT_EQ(store.cluster_count(), 587u);
+  const auto counts = store.type_counts();
+  ASSERT_THAT(counts, SizeIs(3));
+  EXPECT_EQ(counts[0].type, "rs.annotation.Goggles");
+  EXPECT_EQ(counts[0].of_clusters, 269u);
+  EXPECT_EQ(counts[1].of_clusters, 587u);
+  EXPECT_EQ(counts[2].of_scenes, 103u);
+  std::vector<std::pair<std::string, std::uint64_t>> expected(std::begin(answers), std::end(answers));
+  EXPECT_EQ(store.field_counts("rs.annotation.Goggles", "category"), expected);
+}
+
+TEST_F(SceneStoreFile, RunTimesAreMeansAndSampleDeviations) {
+  SceneStore store = open();
+  for (const auto& [id, first, second] : {std::tuple("s1", 10.0, 100.0), std::tuple("s2", 20.0, 140.0)}) {
+    Scene scene;
+    scene.id = id;
+    for (const auto& [name, milliseconds] : {std::pair("region", first), std::pair("goggles", second)}) {
+      Annotation log;
+      log.type = "rs.annotation.LoggingInformation";
+      log.fields = {{"annotator", Value(name)}, {"milliseconds", Value(milliseconds)}};
+      scene.annotations.push_back(log);
+    }
+    store.add(scene);
+  }
+  const TimeReport report = store.times();
+  ASSERT_THAT(report.annotators, SizeIs(2));
+  EXPECT_EQ(report.annotators[0].annotator, "region");
+  EXPECT_DOUBLE_EQ(report.annotators[0].mean, 15);
+  EXPECT_DOUBLE_EQ(report.annotators[0].deviation, std::sqrt(50.0));  // (5^2 + 5^2) / 1
+  EXPECT_DOUBLE_EQ(report.annotators[1].mean, 120);
+  EXPECT_DOUBLE_EQ(report.total.mean, 135);  // (110 + 160) / 2
+  EXPECT_DOUBLE_EQ(report.total.deviation, std::sqrt(1250.0));
+}
+
+// --- files ---
+
+TEST_F(SceneStoreFile, AnOlderSchemaIsBroughtUpToDateWithItsScenes) {
+  run_sql(store_schema(1) +
+          "INSERT INTO scenes(name, time, place, layout) VALUES ('old', 7, '', 2);"
+          "INSERT INTO clusters(scene, name, scene_time, place) VALUES (1, 'c0', 7, 'table');");
+  SceneStore reader = open({.read_only = true});  // reading alone migrates too
+  ASSERT_TRUE(reader.has("old"));
+  SceneStore store = open();
+  EXPECT_EQ(store.scene("old")->clusters.size(), 1u);
+  EXPECT_TRUE(store.add(StoredEvidence{"old", "m", "x"}));
+  EXPECT_EQ(store.evidence("old", "m"), "x");
+}
+
+TEST_F(SceneStoreFile, ANewerSchemaIsRefused) {
+  open();
+  run_sql("PRAGMA user_version = 99");
+  EXPECT_THAT(problem_of({}), HasSubstr("newer program (schema 99"));
+  EXPECT_THAT(problem_of({.read_only = true}), HasSubstr("newer program (schema 99"));
+}
+
+TEST_F(SceneStoreFile, OtherFilesAreRefused) {
+  EXPECT_THAT(problem_of({.read_only = true}), HasSubstr("there is no store"));
+  std::ofstream(path_) << "Milk(c0)\nThis is no database, and it is long enough to be sure of that.\n";
+  EXPECT_THAT(problem_of({}), HasSubstr("is not a scene store"));
+  std::filesystem::remove(path_);
+  run_sql("CREATE TABLE music(title TEXT)");
+  EXPECT_THAT(problem_of({}), HasSubstr("not a scene store"));
+  path_ = folder_.string();
+  EXPECT_THAT(problem_of({}), HasSubstr("Is a directory"));
+  path_ = (folder_ / "no" / "such" / "robot.db").string();
+  EXPECT_THAT(problem_of({}), HasSubstr("cannot open"));
+}
+
+TEST_F(SceneStoreFile, AFullDiskLosesNothingThatWasCommitted) {
+  open();
+  SceneStore store = open({.max_bytes = 120'000});
+  ASSERT_EQ(store.add(small_scene("first", 1, {{"Milk", "table"}})), SceneStore::Added::kNew);
+  std::string text;
+  for (int i = 0; i < 400; ++i) {
+    text += R"({"id":"s)" + std::to_string(i) + R"(","timestamp":1,"x":")" + std::string(1000, 'x') + "\"}\n";
+  }
+  const ImportResult result = import(store, text);
+  EXPECT_EQ(result.termination, Termination::kRefused);
+  EXPECT_THAT(result.failure, HasSubstr("the disk is full"));
+  EXPECT_EQ(result.added, 0u);
+  EXPECT_EQ(store.scene_count(), 1u);
+  EXPECT_THAT(store.check(), IsEmpty());
+  EXPECT_EQ(store.add(small_scene("second", 2, {})), SceneStore::Added::kNew);
+}
+
+TEST_F(SceneStoreFile, ALockedStoreIsNamedAfterTheWait) {
+  SceneStore writer = open();
+  ASSERT_TRUE(writer.begin());
+  ASSERT_EQ(writer.add(small_scene("s", 1, {})), SceneStore::Added::kNew);
+  SceneStore other = open({.wait_seconds = 0.01});
+  EXPECT_EQ(other.add(small_scene("t", 1, {})), SceneStore::Added::kFailed);
+  EXPECT_THAT(other.problem(), HasSubstr("locked by another program"));
+  EXPECT_EQ(other.scene_count(), 0u) << "readers see what was committed";
+  ASSERT_TRUE(writer.commit());
+  EXPECT_EQ(other.add(small_scene("t", 1, {})), SceneStore::Added::kNew);
+}
+
+TEST_F(SceneStoreFile, AReadOnlyStoreCanBeReadAndNotWritten) {
+  {
+    SceneStore store = open();
+    store.add(small_scene("s", 1, {}));
+  }
+  ASSERT_EQ(chmod(path_.c_str(), 0444), 0);
+  EXPECT_THAT(problem_of({}), HasSubstr("is read-only"));
+  SceneStore reader = open({.read_only = true});
+  EXPECT_TRUE(reader.has("s"));
+  EXPECT_EQ(reader.add(small_scene("t", 1, {})), SceneStore::Added::kFailed);
+  EXPECT_THAT(reader.problem(), HasSubstr("is read-only"));
+}
+
+TEST_F(SceneStoreFile, AFileThatWasCutIsFoundOut) {
+  {
+    SceneStore store = open();
+    for (std::uint64_t i = 0; i < 50; ++i) store.add(kitchen_scene(default_kitchen(), 1, i));
+  }
+  std::filesystem::resize_file(path_, std::filesystem::file_size(path_) / 2);
+  std::string problem;
+  auto store = SceneStore::open(path_, {.read_only = true}, problem);
+  EXPECT_TRUE(!store || !store->check().empty());
+  EXPECT_TRUE(store || !problem.empty());
+}
+
+}  // namespace
+}  // namespace sherlog
