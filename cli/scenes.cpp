@@ -1,163 +1,190 @@
-// sherlog scenes: scenes as data. `generate` writes synthetic ones; each subcommand is one function below.
+// sherlog scenes: scenes as data. The list of subcommands, and what they share.
+#include "cli/scenes.h"
+
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
-#include <cstdint>
-#include <map>
-#include <memory>
+#include <charconv>
+#include <chrono>
+#include <cmath>
 
-#include "cli/commands.h"
-#include "cli/output.h"
-#include "cli/report.h"
-#include "cli/session.h"
-#include "cli/table.h"
-#include "perception_bridge/kitchen_generator.h"
+#include "mln/text_file.h"
 
 namespace sherlog::cli {
 namespace {
 
-constexpr std::uint64_t kMostScenes = 10'000'000;
+constexpr double kDay = 86400;
 
-struct Generation {
-  std::uint64_t scenes = 50;
-  std::string output = "-";
-  std::string spelling = "model";
-  std::string annotators = "all";
-  bool unlabelled = false;
+// Hours of the day, from and to.
+struct PartOfDay {
+  std::string_view name;
+  double from, to;
 };
+constexpr PartOfDay kPartsOfDay[] = {{"morning", 5, 12}, {"afternoon", 12, 18}, {"evening", 18, 24},
+                                     {"night", 0, 5},    {"today", 0, 24},      {"yesterday", -24, 0}};
 
-// What was made: scenes by context, objects by class, answers by annotator.
-struct Tally {
-  std::size_t objects = 0;
-  std::vector<std::size_t> contexts, classes;
-  std::map<std::string, std::size_t> annotations;
-
-  void add(const KitchenScene& scene, bool all_annotators) {
-    const auto count = [&](const char* annotator, bool answered) { annotations[annotator] += answered ? 1u : 0u; };
-    ++contexts[scene.context];
-    for (const KitchenObject& object : scene.objects) {
-      ++objects;
-      ++classes[object.object_class];
-      annotations["shape"] += object.shapes.size();
-      annotations["color"] += object.colors.size();
-      count("goggles_Text", object.text.has_value());
-      count("goggles_Logo", object.logo.has_value());
-      count("goggles", object.image.has_value());
-      count("goggles_Contact", object.contact.has_value());
-      if (!all_annotators) continue;
-      count("size", object.big.has_value());
-      count("goggles_Product", object.product.has_value());
-      count("linemod", object.detected.has_value());
-    }
-  }
-};
-
-Json generation_json(const KitchenConfig& config, const Generation& generation, std::uint64_t seed, const Tally& tally,
-                     const std::string& text) {
-  Json json;
-  json["schema"] = "sherlog.scenes.generate/1";
-  json["seed"] = seed;
-  json["scenes"] = generation.scenes;
-  json["objects"] = tally.objects;
-  for (std::size_t i = 0; i < config.contexts.size(); ++i) json["contexts"][config.contexts[i]] = tally.contexts[i];
-  for (std::size_t i = 0; i < config.classes.size(); ++i) json["classes"][config.classes[i].name] = tally.classes[i];
-  for (const auto& [name, count] : tally.annotations) json["annotations"][name] = count;
-  if (generation.output == "-") json["text"] = text;
-  return json;
+// Digits from `at` on as a number; at moves behind them.
+std::optional<int> digits(std::string_view text, std::size_t& at, std::size_t count) {
+  int value = 0;
+  if (at + count > text.size()) return std::nullopt;
+  const auto [end, error] = std::from_chars(text.data() + at, text.data() + at + count, value);
+  if (error != std::errc() || end != text.data() + at + count || value < 0) return std::nullopt;
+  at += count;
+  return value;
 }
 
-std::string generation_text(const KitchenConfig& config, const Tally& tally) {
-  std::string text = fmt::format("{} objects\n\n", tally.objects);
-  Table contexts({{"context", Align::kLeft}, {"scenes", Align::kRight}});
-  for (std::size_t i = 0; i < config.contexts.size(); ++i) {
-    contexts.add_row({config.contexts[i], std::to_string(tally.contexts[i])});
+std::optional<double> parse_date(std::string_view text) {
+  std::size_t at = 0;
+  const auto take = [&](char separator) { return at < text.size() && text[at] == separator ? (++at, true) : false; };
+  const auto year = digits(text, at, 4);
+  if (!year || !take('-')) return std::nullopt;
+  const auto month = digits(text, at, 2);
+  if (!month || !take('-')) return std::nullopt;
+  const auto day = digits(text, at, 2);
+  if (!day) return std::nullopt;
+  const std::chrono::year_month_day date{std::chrono::year(*year), std::chrono::month(static_cast<unsigned>(*month)),
+                                         std::chrono::day(static_cast<unsigned>(*day))};
+  if (!date.ok()) return std::nullopt;
+  double seconds = static_cast<double>(std::chrono::sys_days(date).time_since_epoch().count()) * kDay;
+  if (at == text.size()) return seconds;
+  if (!take('T') && !take(' ')) return std::nullopt;
+  const auto hour = digits(text, at, 2);
+  if (!hour || *hour > 24 || !take(':')) return std::nullopt;
+  const auto minute = digits(text, at, 2);
+  if (!minute || *minute > 59) return std::nullopt;
+  seconds += *hour * 3600 + *minute * 60;
+  if (take(':')) {
+    const auto second = digits(text, at, 2);
+    if (!second || *second > 60) return std::nullopt;
+    seconds += *second;
   }
-  Table annotations({{"annotator", Align::kLeft}, {"answers", Align::kRight}});
-  for (const auto& [name, count] : tally.annotations) annotations.add_row({name, std::to_string(count)});
-  return text + contexts.text() + "\n" + annotations.text();
+  take('Z');
+  return at == text.size() ? std::optional(seconds) : std::nullopt;
 }
 
-int run_generate(Options options, const Generation& generation) {
-  Session session(std::move(options));
-  std::vector<std::string> outputs;
-  if (generation.output != "-") outputs.push_back(generation.output);
-  if (!session.check_options(outputs)) return kBadInput;
-  if (generation.scenes == 0 || generation.scenes > kMostScenes) {
-    session.error(fmt::format("--scenes: {} is not a number from 1 to {}", generation.scenes, kMostScenes));
-    return kBadInput;
-  }
-  const KitchenConfig config = default_kitchen();
-  KitchenTextOptions text_options;
-  text_options.spelling = generation.spelling == "recorded" ? KitchenSpelling::kRecorded : KitchenSpelling::kModel;
-  text_options.all_annotators = generation.annotators == "all";
-  text_options.labels = !generation.unlabelled;
-
-  Tally tally;
-  tally.contexts.resize(config.contexts.size());
-  tally.classes.resize(config.classes.size());
-  std::string text;
-  Termination termination = Termination::kCompleted;
-  for (std::uint64_t number = 0; number < generation.scenes; ++number) {
-    if (number % 1024 == 0) {
-      session.monitor().progress("scenes", static_cast<double>(number), static_cast<double>(generation.scenes));
-      if (session.monitor().interrupted()) termination = Termination::kInterrupted;
-      if (session.seconds_left() <= 0) termination = Termination::kTimeLimit;
-      // Half of the scenes would be taken for all of them: nothing is written.
-      if (termination != Termination::kCompleted) {
-        session.error(fmt::format("stopped after {} of {} scenes; nothing was written", number, generation.scenes));
-        return exit_code(termination);
-      }
-    }
-    const KitchenScene scene = generate_kitchen_scene(config, session.options().seed, number);
-    tally.add(scene, text_options.all_annotators);
-    if (number > 0) text += "---\n";
-    text += kitchen_scene_text(config, scene, text_options);
-  }
-  if (generation.output != "-") {
-    if (const auto problem = write_file(generation.output, text)) {
-      session.error(*problem);
-      return kInternalError;
-    }
-  }
-  return session.finish(kDone, generation.output == "-" ? text : generation_text(config, tally), [&] {
-    return to_text(generation_json(config, generation, session.options().seed, tally, text));
-  });
-}
-
-void add_generate(CLI::App& scenes, Action& action) {
-  auto options = std::make_shared<Options>();
-  auto generation = std::make_shared<Generation>();
-  CLI::App* command = scenes.add_subcommand(
-      "generate", "Synthetic kitchen scenes: labelled objects and what annotators would report of them");
-  command->add_option("--scenes", generation->scenes, "How many scenes (default 50)")->type_name("N");
-  command
-      ->add_option("-o,--output", generation->output,
-                   "Where the scenes go, --- between them (default '-': standard output)")
-      ->type_name("FILE|-");
-  command
-      ->add_option("--spelling", generation->spelling,
-                   "As models/information_fusion/kitchen_predicates.mln writes constants, or in lower case and without "
-                   "blanks as in recorded scenes (default model)")
-      ->type_name("model|recorded")
-      ->check(one_of({"model", "recorded"}));
-  command
-      ->add_option("--annotators", generation->annotators,
-                   "paper: only the predicates of predicates.mln, without size, linemod and goggles_Product (default "
-                   "all)")
-      ->type_name("all|paper")
-      ->check(one_of({"all", "paper"}));
-  command->add_flag("--unlabelled", generation->unlabelled, "Leave the classes out: what a robot would know");
-  add_common_options(*command, *options);
-  command->callback([options, generation, &action] {
-    action = [options, generation] { return run_generate(*options, *generation); };
-  });
+bool bad_time(Session& session, const char* option, const std::string& text) {
+  session.error(fmt::format("{}: '{}' is no time: seconds, 2012-11-22 or 2012-11-22T08:30:00Z", option, text));
+  return false;
 }
 
 }  // namespace
 
+void add_store_option(CLI::App& command, StoreChoice& choice) {
+  command.add_option("STORE", choice.path, "The store: an SQLite file")->required()->type_name("");
+  command.add_option("--wait", choice.wait_seconds, "How long to wait for another program's lock (default 2)")
+      ->type_name("S")
+      ->check(CLI::Range(0.0, 1e6).description(""));
+}
+
+void add_time_options(CLI::App& command, StoreChoice& choice) {
+  command.add_option("--from", choice.from, "From this time on: seconds, 2012-11-22 or 2012-11-22T08:30:00Z")
+      ->type_name("TIME");
+  command.add_option("--to", choice.to, "Up to this time")->type_name("TIME");
+  command
+      .add_option("--during", choice.during,
+                  "A part of the day of --now: morning is 5 to 12, afternoon to 18, evening to 24")
+      ->type_name("morning|afternoon|evening|night|today|yesterday")
+      ->check(one_of({"morning", "afternoon", "evening", "night", "today", "yesterday"}));
+  command.add_option("--now", choice.now, "What time it is for --during (default: the newest scene's)")
+      ->type_name("TIME");
+  command.add_option("--utc-offset", choice.utc_offset, "The local time is so many hours ahead of UTC (default 0)")
+      ->type_name("HOURS")
+      ->check(CLI::Range(-24.0, 24.0).description(""));
+}
+
+void add_concept_option(CLI::App& command, StoreChoice& choice) {
+  command
+      .add_option("--concepts", choice.concepts, "Which names stand below which, e.g. brands of milk below milk: JSON")
+      ->type_name("FILE");
+}
+
+std::optional<SceneStore> open_store(Session& session, const StoreChoice& choice, SqlOpen how) {
+  how.wait_seconds = choice.wait_seconds;
+  std::string problem;
+  auto store = SceneStore::open(choice.path, how, problem);
+  if (!store) session.error(problem);
+  return store;
+}
+
+std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, const StoreChoice& choice) {
+  SceneFilter filter;
+  filter.limit = choice.limit;
+  for (const auto& [option, text, target] :
+       {std::tuple{"--from", &choice.from, &filter.from}, std::tuple{"--to", &choice.to, &filter.to}}) {
+    if (text->empty()) continue;
+    const auto time = parse_time(*text);
+    if (!time) return bad_time(session, option, *text), std::nullopt;
+    *target = *time;
+  }
+  if (!choice.during.empty()) {
+    const auto now = choice.now.empty() ? store.newest().value_or(0) : parse_time(choice.now);
+    if (!now) return bad_time(session, "--now", choice.now), std::nullopt;
+    const double offset = choice.utc_offset * 3600;
+    const double midnight = std::floor((*now + offset) / kDay) * kDay - offset;
+    for (const PartOfDay& part : kPartsOfDay) {
+      if (part.name != choice.during) continue;
+      filter.from = std::max(filter.from, midnight + part.from * 3600);
+      filter.to = std::min(filter.to, midnight + part.to * 3600);
+    }
+  }
+  return filter;
+}
+
+std::optional<Concepts> read_concepts(Session& session, const StoreChoice& choice) {
+  if (choice.concepts.empty()) return Concepts{};
+  const TextFile file = load_text_file(choice.concepts);
+  std::string problem = file.problem;
+  auto concepts = file.text ? parse_concepts(*file.text, problem) : std::nullopt;
+  if (!concepts) session.error(fmt::format("{}: {}", choice.concepts, problem));
+  return concepts;
+}
+
+std::optional<double> parse_time(std::string_view text) {
+  if (const auto date = parse_date(text)) return date;
+  double seconds = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
+  const bool good = error == std::errc() && end == text.data() + text.size() && std::isfinite(seconds);
+  return good ? std::optional(seconds) : std::nullopt;
+}
+
+std::string time_text(double seconds, double utc_offset) {
+  const double local = seconds + utc_offset * 3600;
+  // Small numbers are seconds since the robot was started and no dates.
+  if (local < 1e8 || local > kLatestTime) return fmt::format("{:g} s", seconds);
+  const auto time = static_cast<std::time_t>(std::floor(local));
+  return fmt::format("{:%Y-%m-%d %H:%M:%S}", fmt::gmtime(time));
+}
+
+Json to_json(const Value& value) { return Json::parse(json_text(value)); }
+
+Json to_json(const Found& found) {
+  Json json;
+  if (!found.label.empty()) json["label"] = found.label;
+  json["scene"] = found.scene;
+  json["cluster"] = found.cluster;
+  json["time"] = found.time;
+  if (!found.place.empty()) json["place"] = found.place;
+  if (found.confidence) json["confidence"] = *found.confidence;
+  if (!found.position.empty()) json["position"] = found.position;
+  if (!found.position.empty() && !found.frame.empty()) json["frame"] = found.frame;
+  return json;
+}
+
+std::string position_text(const Found& found) {
+  if (found.position.empty()) return "";
+  std::string text;
+  for (const double coordinate : found.position) text += fmt::format("{}{:.2f}", text.empty() ? "" : " ", coordinate);
+  return found.frame.empty() ? text : fmt::format("{} ({})", text, found.frame);
+}
+
 void add_scenes(CLI::App& app, Action& action) {
-  CLI::App* command = app.add_subcommand("scenes", "Scenes as data: generate synthetic ones");
+  CLI::App* command = app.add_subcommand("scenes", "Scenes as data: a store of what a robot saw, and synthetic scenes");
   command->require_subcommand(1);
-  add_generate(*command, action);
+  add_scenes_files(*command, action);
+  add_scenes_lists(*command, action);
+  add_scenes_questions(*command, action);
+  add_scenes_evidence(*command, action);
+  add_scenes_generate(*command, action);
 }
 
 }  // namespace sherlog::cli
