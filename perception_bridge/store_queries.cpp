@@ -52,23 +52,27 @@ struct RunningMoments {
   }
 };
 
-constexpr const char* kOldestFirst =
-    "SELECT id FROM scenes WHERE time BETWEEN ?1 AND ?2 AND (?3 = '' OR place = ?3 OR "
-    "EXISTS (SELECT 1 FROM clusters c WHERE c.scene = scenes.id AND c.place = ?3)) ORDER BY time, id LIMIT ?4";
+constexpr const char* kOldestFirst = "SELECT id FROM scenes WHERE time BETWEEN ?1 AND ?2 ORDER BY time, id LIMIT ?3";
 constexpr const char* kNewestFirst =
-    "SELECT id FROM scenes WHERE time BETWEEN ?1 AND ?2 AND (?3 = '' OR place = ?3 OR "
-    "EXISTS (SELECT 1 FROM clusters c WHERE c.scene = scenes.id AND c.place = ?3)) ORDER BY time DESC, id DESC LIMIT "
-    "?4";
+    "SELECT id FROM scenes WHERE time BETWEEN ?1 AND ?2 ORDER BY time DESC, id DESC LIMIT ?3";
+// Both sides come sorted out of their index and are merged, so that a limit ends the search early.
+constexpr const char* kPlaceOldestFirst =
+    "SELECT id, time FROM scenes WHERE place = ?4 AND time BETWEEN ?1 AND ?2 UNION "
+    "SELECT scene, scene_time FROM clusters WHERE place = ?4 AND scene_time BETWEEN ?1 AND ?2 ORDER BY 2, 1 LIMIT ?3";
+constexpr const char* kPlaceNewestFirst =
+    "SELECT id, time FROM scenes WHERE place = ?4 AND time BETWEEN ?1 AND ?2 UNION "
+    "SELECT scene, scene_time FROM clusters WHERE place = ?4 AND scene_time BETWEEN ?1 AND ?2 "
+    "ORDER BY 2 DESC, 1 DESC LIMIT ?3";
 
 }  // namespace
 
 std::vector<std::int64_t> SceneStore::rows(const SceneFilter& filter) {
   std::vector<std::int64_t> result;
-  SqlStatement& query = database_->statement(filter.newest_first ? kNewestFirst : kOldestFirst);
-  query.bind(bounded(filter.from))
-      .bind(bounded(filter.to))
-      .bind(std::string_view(filter.place))
-      .bind(row_limit(filter));
+  const char* sql = filter.place.empty() ? (filter.newest_first ? kNewestFirst : kOldestFirst)
+                                         : (filter.newest_first ? kPlaceNewestFirst : kPlaceOldestFirst);
+  SqlStatement& query = database_->statement(sql);
+  query.bind(bounded(filter.from)).bind(bounded(filter.to)).bind(row_limit(filter));
+  if (!filter.place.empty()) query.bind(std::string_view(filter.place));
   while (query.step()) result.push_back(query.whole(0));
   return result;
 }

@@ -29,7 +29,7 @@ CREATE TABLE clusters(
   scene_time REAL NOT NULL, time REAL, source TEXT, frame TEXT, confidence REAL,
   place TEXT NOT NULL, x REAL, y REAL, z REAL, position_frame TEXT, other TEXT,
   UNIQUE(scene, name));
-CREATE INDEX clusters_by_place ON clusters(place, scene_time);
+CREATE INDEX clusters_by_place ON clusters(place, scene_time, scene);
 CREATE TABLE annotations(
   id INTEGER PRIMARY KEY, scene INTEGER NOT NULL REFERENCES scenes(id) ON DELETE CASCADE,
   cluster INTEGER REFERENCES clusters(id) ON DELETE CASCADE,  -- NULL: about the whole scene
