@@ -1,0 +1,273 @@
+// sherlog scenes with a store: in, out, questions, and what happens when something goes wrong.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <string>
+
+#include "tests/e2e/program.h"
+
+namespace sherlog::e2e {
+namespace {
+
+using testing::HasSubstr;
+using Json = nlohmann::json;
+
+const std::string kKitchen = SHERLOG_SOURCE_DIR "/examples/scenes/kitchen.jsonl";
+const std::string kConcepts = " --concepts '" SHERLOG_SOURCE_DIR "/examples/scenes/concepts.json'";
+const std::string kModels = SHERLOG_SOURCE_DIR "/models/";
+
+// A store with the three shipped scenes.
+class SceneStoreProgram : public testing::Test {
+ protected:
+  SceneStoreProgram() {
+    const Outcome outcome = scratch_.sherlog("scenes import robot.db '" + kKitchen + "' --quiet");
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+  }
+  Json json(const std::string& arguments) {
+    const Outcome outcome = scratch_.sherlog("scenes " + arguments + " --json - --quiet");
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return Json::parse(outcome.out, nullptr, false);
+  }
+  // Exit code 2 and these words.
+  void refused(const std::string& arguments, const std::string& words) {
+    const Outcome outcome = scratch_.sherlog("scenes " + arguments);
+    EXPECT_EQ(outcome.code, 2) << arguments << "\n" << outcome.out << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(words));
+  }
+  std::size_t scene_count(const std::string& store = "robot.db") { return json("check " + store)["scenes"]; }
+
+  Scratch scratch_;
+};
+
+TEST_F(SceneStoreProgram, AHundredScenesGoInAndComeOutUnchanged) {
+  ASSERT_EQ(scratch_.sherlog("scenes generate --scenes 103 --format jsonl -o in.jsonl").code, 0);
+  const Json imported = json("import new.db in.jsonl");
+  EXPECT_EQ(imported["schema"], "sherlog.scenes.import/1");
+  EXPECT_EQ(imported["added"], 103);
+  EXPECT_EQ(scratch_.sherlog("scenes export new.db -o out.jsonl").code, 0);
+  EXPECT_EQ(scratch_.read("in.jsonl"), scratch_.read("out.jsonl"));
+  EXPECT_EQ(scratch_.sherlog("scenes export new.db").out, scratch_.read("in.jsonl"));
+}
+
+TEST_F(SceneStoreProgram, AnswersWhereThingsAreAndWere) {
+  const Json milk = json("where robot.db milk" + kConcepts);
+  ASSERT_EQ(milk["found"].size(), 1u);
+  EXPECT_EQ(milk["found"][0]["scene"], "evening-1");
+  EXPECT_EQ(milk["found"][0]["position"], Json({0.15, 0.2, 0.97}));
+  EXPECT_EQ(milk["belongs"], "fridge");
+  EXPECT_FALSE(milk.contains("place_seen_without_it"));
+  const Json cereals = json("where robot.db cereals" + kConcepts);
+  EXPECT_EQ(cereals["found"][0]["scene"], "breakfast-1");
+  EXPECT_EQ(cereals["place_seen_without_it"], 1353610800.0);
+  const Json history = json("history robot.db Bowl");
+  EXPECT_EQ(history["stays"].size(), 1u);
+  EXPECT_EQ(history["stays"][0]["sightings"], 2);
+  EXPECT_THAT(scratch_.sherlog("scenes where robot.db unicorn").out, HasSubstr("never seen"));
+}
+
+TEST_F(SceneStoreProgram, AnswersWhatWasOnTheTable) {
+  EXPECT_EQ(json("on robot.db table" + kConcepts)["found"].size(), 4u);
+  EXPECT_EQ(json("on robot.db table --during morning" + kConcepts)["found"].size(), 3u);
+  EXPECT_EQ(json("on robot.db table --during afternoon" + kConcepts)["found"].size(), 0u);
+  // In Japan it was evening already.
+  EXPECT_EQ(json("on robot.db table --during evening --now 2012-11-22 --utc-offset 9" + kConcepts)["found"].size(), 0u);
+  EXPECT_EQ(json("on robot.db table --during afternoon --now 2012-11-22 --utc-offset 9" + kConcepts)["found"].size(),
+            3u);
+  EXPECT_EQ(json("on robot.db table --what milk" + kConcepts)["answer"], true);
+  EXPECT_EQ(json("on robot.db table --what cereals" + kConcepts)["answer"], false);
+  EXPECT_EQ(json("on robot.db table --what cereals --to 2012-11-22T12:00" + kConcepts)["answer"], true);
+  EXPECT_THAT(scratch_.sherlog("scenes on robot.db moon").out, HasSubstr("nothing was ever seen at 'moon'"));
+}
+
+TEST_F(SceneStoreProgram, ListsShowsAndCounts) {
+  EXPECT_EQ(json("list robot.db")["scenes"].size(), 3u);
+  EXPECT_EQ(json("list robot.db --place stove" + kConcepts)["scenes"].size(), 1u);
+  EXPECT_EQ(json("list robot.db --newest-first --limit 1")["scenes"][0]["id"], "evening-1");
+  std::ifstream in(kKitchen);
+  std::string line;
+  std::getline(in, line);
+  EXPECT_EQ(json("show robot.db breakfast-1")["scene"], Json::parse(line));
+  const Json counts = json("counts robot.db");
+  EXPECT_EQ(counts["clusters"], 10);
+  EXPECT_EQ(counts["goggles"]["Logo"], 2);
+  const Json times = json("times robot.db");
+  EXPECT_EQ(times["total"]["runs"], 3);
+  double sum = 0;
+  for (const Json& row : times["annotators"]) sum += row["mean"].get<double>();
+  EXPECT_NEAR(times["total"]["mean"], sum, 1e-9);
+  refused("show robot.db no-such-scene", "no scene 'no-such-scene'");
+}
+
+TEST_F(SceneStoreProgram, StoredScenesAreEvidenceForTheShippedModels) {
+  EXPECT_EQ(scratch_.sherlog("scenes evidence robot.db --mapping fusion -o all.db --quiet").code, 0);
+  EXPECT_EQ(scratch_.sherlog("check -m '" + kModels + "information_fusion/fusion.mln' -e all.db --quiet").code, 0);
+  EXPECT_EQ(
+      scratch_.sherlog("scenes evidence robot.db evening-1 --mapping identity --against breakfast-1 -o pair.db --quiet")
+          .code,
+      0);
+  const Outcome outcome = scratch_.sherlog("infer -m '" + kModels +
+                                           "identity_resolution/table1.mln' -e pair.db -q is,appear,disappear,hidden "
+                                           "--method map --quiet --json -");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const std::string map = Json::parse(outcome.out)["map"]["true_atoms"].dump();
+  EXPECT_THAT(map, HasSubstr("is(O1,N0,stay)"));  // the bowl
+  EXPECT_THAT(map, HasSubstr("is(O2,N1,move)"));  // the milk
+}
+
+TEST_F(SceneStoreProgram, ReprocessingGivesTheSameEvidenceAgain) {
+  const std::string fusion = "reprocess robot.db -m '" + kModels + "information_fusion/fusion.mln' -q object";
+  const Json first = json(fusion);
+  EXPECT_EQ(first["new"], 3);
+  EXPECT_EQ(first["beliefs"], 3);
+  const Json again = json(fusion);
+  EXPECT_EQ(again["new"], 0);
+  EXPECT_EQ(again["changed"], 0);
+  // A mapping that was edited gives other evidence.
+  Json mapping = json("mapping fusion");
+  mapping["rules"][0]["threshold"] = 0.99;
+  scratch_.write("strict.json", mapping.dump());
+  EXPECT_EQ(json("reprocess robot.db --mapping strict.json")["changed"], 3);
+  EXPECT_TRUE(json("show robot.db cooking-1")["beliefs"]["fusion"].contains("marginals"));
+  // All of it is in the export, and comes back.
+  ASSERT_EQ(scratch_.sherlog("scenes export robot.db -o all.jsonl").code, 0);
+  EXPECT_EQ(json("import copy.db all.jsonl")["records"], 6);
+  EXPECT_EQ(scratch_.sherlog("scenes export copy.db").out, scratch_.read("all.jsonl"));
+}
+
+TEST_F(SceneStoreProgram, SigmasAreLearnedFromTheIdentitiesInTheStore) {
+  ASSERT_EQ(scratch_.sherlog("scenes export robot.db -o all.jsonl").code, 0);
+  const auto identity = [](const char* id, const char* first, const char* second) {
+    return Json{{"sherlog.record", "identity"},
+                {"id", id},
+                {"sightings",
+                 {{{"scene", "breakfast-1"}, {"cluster", first}}, {{"scene", "evening-1"}, {"cluster", second}}}}}
+               .dump() +
+           "\n";
+  };
+  scratch_.write("who.jsonl", identity("bowl-1", "c1", "c0") + identity("milk-1", "c2", "c1"));
+  refused("sigmas robot.db -o learned.json", "0 pairs");
+  EXPECT_EQ(json("import robot.db who.jsonl")["records"], 2);
+  EXPECT_EQ(json("where robot.db milk-1")["found"][0]["cluster"], "c1");
+  // The scenes of the counter without the one of the stove between them.
+  scratch_.write("counter.jsonl", [&] {
+    std::string text;
+    std::ifstream in(kKitchen);
+    for (std::string line; std::getline(in, line);)
+      text += line.find("cooking-1") == std::string::npos ? line + "\n" : "";
+    return text + scratch_.read("who.jsonl");
+  }());
+  json("import counter.db counter.jsonl");
+  const Json learned = json("sigmas counter.db -o learned.json");
+  EXPECT_EQ(learned["pairs"], 4);
+  EXPECT_GE(learned["log_likelihood"].get<double>(), learned["log_likelihood_before"].get<double>());
+  EXPECT_EQ(scratch_.sherlog("scenes evidence counter.db --mapping learned.json --quiet").code, 0);
+}
+
+TEST_F(SceneStoreProgram, ABadLineIsNamedAndStopsOrIsSkipped) {
+  scratch_.write("bad.jsonl",
+                 "{\"id\":\"a\",\"timestamp\":1}\n{\"id\":\"b\",\"timestamp\":\n{\"id\":\"c\",\"timestamp\":3}\n");
+  refused("import robot.db bad.jsonl", "bad.jsonl:2: line 1, column");
+  EXPECT_EQ(scene_count(), 3u);
+  const Outcome skipped = scratch_.sherlog("scenes import robot.db bad.jsonl --on-error skip");
+  EXPECT_EQ(skipped.code, 0);
+  EXPECT_THAT(skipped.err, HasSubstr("bad.jsonl:2:"));
+  EXPECT_EQ(scene_count(), 5u);
+  refused("import robot.db bad.jsonl", "has a scene 'a' already");
+  const Json replaced = json("import robot.db bad.jsonl --replace --on-error skip");
+  EXPECT_EQ(replaced["replaced"], 2);
+  EXPECT_EQ(replaced["skipped"], 1);
+  EXPECT_EQ(replaced["problems"][0]["line"], 2);
+}
+
+TEST_F(SceneStoreProgram, BadInputIsExit2AndSaysWhy) {
+  refused("list missing.db", "there is no store 'missing.db'");
+  EXPECT_FALSE(scratch_.exists("missing.db"));
+  refused("list '" + kKitchen + "'", "is not a scene store");
+  refused("import robot.db missing.jsonl", "cannot read 'missing.jsonl'");
+  refused("list robot.db --from yesterday", "'yesterday' is no time");
+  refused("list robot.db --during noon", "none of morning");
+  refused("where robot.db milk --concepts missing.json", "missing.json");
+  refused("evidence robot.db --mapping missing.json", "none of fusion");
+  refused("evidence robot.db nobody", "no scene 'nobody'");
+  refused("reprocess missing.db", "there is no store");
+  refused("reprocess robot.db -m '" + kModels + "information_fusion/fusion.mln'", "needs a --query");
+  scratch_.write("mapping.json", R"({"name":"m","rulez":[]})");
+  refused("evidence robot.db --mapping mapping.json", "did you mean 'rules'?");
+  std::string big = R"({"id":"big","timestamp":1,"identifiables":[)";
+  for (int i = 0; i < 10'000; ++i) big += (i > 0 ? ",{\"id\":\"c" : "{\"id\":\"c") + std::to_string(i) + "\"}";
+  scratch_.write("big.jsonl", big + "]}\n");
+  refused("import robot.db big.jsonl", "has 10000 clusters; the limit is 5000");
+  EXPECT_EQ(json("import robot.db big.jsonl --max-clusters 10000")["clusters"], 10'000);
+  scratch_.write("empty.jsonl", "");
+  EXPECT_EQ(json("import robot.db empty.jsonl")["added"], 0);
+}
+
+TEST_F(SceneStoreProgram, AStoreThatCannotBeWrittenIsLeftAsItWas) {
+  ASSERT_EQ(scratch_.sherlog("scenes generate --scenes 200 --format jsonl -o many.jsonl").code, 0);
+  refused("import robot.db many.jsonl --max-size 300K", "the disk is full");
+  EXPECT_EQ(scene_count(), 3u);
+  ASSERT_EQ(chmod((scratch_.folder() / "robot.db").c_str(), 0444), 0);
+  refused("import robot.db many.jsonl", "is read-only");
+  refused("reprocess robot.db", "is read-only");
+  EXPECT_EQ(scene_count(), 3u);
+}
+
+TEST_F(SceneStoreProgram, TheSchemaIsPrinted) {
+  const Outcome outcome = scratch_.sherlog("scenes schema");
+  EXPECT_EQ(outcome.out, read_all(SHERLOG_SOURCE_DIR "/docs/scene.schema.json"));
+}
+
+// SHERLOG_KILLS sets how often; each import has 60 scenes of 3 clusters, and is there whole or not at all.
+TEST(SceneStoreKilled, WhatWasCommittedStaysAndNothingIsHalfThere) {
+  const Scratch scratch;
+  const char* wanted = std::getenv("SHERLOG_KILLS");
+  const int kills = wanted == nullptr ? 8 : std::atoi(wanted);
+  const auto lines = [](int run) {
+    std::string text;
+    for (int i = 0; i < 60; ++i) {
+      text += R"({"id":"r)" + std::to_string(run) + "-" + std::to_string(i) + R"(","timestamp":)" +
+              std::to_string(run) + R"(,"identifiables":[)";
+      for (const char* cluster : {"a", "b", "c"}) {
+        text += std::string(text.back() == '[' ? "" : ",") + R"({"id":")" + cluster +
+                R"(","rs.annotation.Detection":[{"name":"Milk"}]})";
+      }
+      text += "]}\n";
+    }
+    return text;
+  };
+  scratch.write("first.jsonl", lines(0));
+  const auto start = std::chrono::steady_clock::now();
+  ASSERT_EQ(scratch.sherlog("scenes import warm.db first.jsonl").code, 0);
+  const double usual = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(0, 1.3 * usual);
+  std::size_t committed = 0;
+  int killed = 0;
+  for (int run = 1; run <= kills; ++run) {
+    scratch.write("run.jsonl", lines(run));
+    const std::string wait = std::to_string(uniform(random));
+    const Outcome outcome = scratch.shell("\"$S\" scenes import robot.db run.jsonl --quiet & p=$!; sleep " + wait +
+                                          "; kill -9 $p; wait $p");
+    killed += outcome.code == 137 ? 1 : 0;
+    if (!scratch.exists("robot.db")) continue;  // it was killed before it began
+    const Outcome check = scratch.sherlog("scenes check robot.db --json -");
+    ASSERT_EQ(check.code, 0) << "run " << run << ": " << check.err;
+    const Json json = Json::parse(check.out);
+    const std::size_t scenes = json["scenes"];
+    EXPECT_EQ(json["clusters"], 3 * scenes);
+    EXPECT_TRUE(scenes == committed || scenes == committed + 60)
+        << "run " << run << ": " << scenes << " after " << committed;
+    EXPECT_TRUE(outcome.code != 0 || scenes == committed + 60) << "run " << run << " said that it was done";
+    committed = scenes;
+  }
+  EXPECT_GT(killed, 0) << "no import was interrupted";
+}
+
+}  // namespace
+}  // namespace sherlog::e2e
