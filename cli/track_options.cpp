@@ -68,6 +68,7 @@ IdentityTraining identity_training(Session& session, const TrackOptions& options
   training.trials = options.training_trials;
   training.seed ^= session.options().seed;
   training.threads = session.options().threads;
+  training.max_seconds = session.seconds_left();
   return training;
 }
 

@@ -15,6 +15,7 @@
 #include "grounding/conflict.h"
 #include "grounding/contradiction.h"
 #include "grounding/formula_joins.h"
+#include "grounding/symmetry.h"
 
 namespace sherlog {
 namespace {
@@ -339,8 +340,10 @@ class Grounder {
     if (formula.unique.empty()) {
       std::erase_if(variables, [&](std::uint32_t v) { return !std::ranges::binary_search(part.free, v); });
     }
-    FormulaJoins join = plan_joins(std::move(part), formula, variables, order_of_groups(formula), true, atoms_,
-                                   numbers_, builder_, [this] { return keep_going(); });
+    std::vector<NormalNode> filters = order_of_groups(formula);
+    if (const auto pair = symmetric_pair(part, formula)) filters.push_back(earlier(pair->first, pair->second));
+    FormulaJoins join = plan_joins(std::move(part), formula, variables, filters, true, atoms_, numbers_, builder_,
+                                   [this] { return keep_going(); });
     if (!affordable(formula, join)) return false;
     std::vector<ConstantIndex> binding(outer.size());
     return join.run([&](const std::vector<ConstantIndex>& values, Literal literal) {

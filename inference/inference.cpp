@@ -33,6 +33,7 @@ void merge(const GroundNetwork& network, std::span<const ComponentId> components
   }
   if (!part.log_partition) result.log_partition.reset();
   if (result.log_partition) *result.log_partition += *part.log_partition;
+  result.samples += part.samples;
   result.termination = part.termination;
   result.message = std::move(part.message);
   result.conflict = std::move(part.conflict);
@@ -49,7 +50,7 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
   int failed_searches = 0;
   for (ComponentId c : context.components) {
     if (context.network.component_variables(c).size() >= kLeastMatching) {
-      if (auto structure = narrow_matching(context.network, c, context.options)) {
+      if (auto structure = quick_matching(context.network, c)) {
         matchings.push_back(c);
         structures.push_back(*std::move(structure));
         continue;
@@ -85,7 +86,7 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
     for (std::uint32_t q : context.network.component_queries(c)) result.marginals[q] = sampled.marginals[q];
   }
   result.log_partition.reset();
-  result.samples = sampled.samples;
+  result.samples += sampled.samples;
   result.termination = sampled.termination;
   result.message = std::move(sampled.message);
   result.conflict = std::move(sampled.conflict);

@@ -11,6 +11,7 @@
 #include "inference/assignment.h"
 #include "inference/conflict.h"
 #include "inference/exact.h"
+#include "inference/matching_sampler.h"
 #include "inference/matching_sum.h"
 
 namespace sherlog {
@@ -215,64 +216,113 @@ class Weigher {
 // Whether a matching that gains so much has all that is forced.
 bool all_forced(double gain, std::size_t forced) { return gain > (static_cast<double>(forced) - 0.5) * kForced; }
 
-std::size_t shorter(const MatchingStructure& s) { return std::min(s.rows, s.columns); }
-
-// P(on) of each cluster's pair or row.
-std::vector<double> probability_of_on(const MatchingStructure& structure, const MatchingSum& sum) {
-  std::vector<double> row(structure.rows, 0.0), column(structure.columns, 0.0), out;
-  for (std::size_t r = 0; r < row.size(); ++r) {
-    for (std::size_t c = 0; c < column.size(); ++c) {
-      row[r] += sum.paired[r * column.size() + c];
-      column[c] += sum.paired[r * column.size() + c];
+// The best matching; the shorter side comes first, since the Hungarian algorithm wants it so.
+Assignment assignment_of(const WeightedMatching& weighted, const MatchingStructure& structure) {
+  const bool turned = structure.rows > structure.columns;
+  const std::size_t rows = std::min(structure.rows, structure.columns);
+  const std::size_t columns = std::max(structure.rows, structure.columns);
+  std::vector<double> gains(weighted.log_weights.size());
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      gains[r * columns + c] = weighted.log_weights[turned ? c * rows + r : r * columns + c];
     }
   }
+  return best_assignment(gains, rows, columns);
+}
+
+// P(on) of each cluster's pair or row. `paired`: (rows + 1) x (columns + 1), the sums of rows and columns at their ends.
+std::vector<Marginal> probability_of_on(const MatchingStructure& structure, const std::vector<Marginal>& paired) {
+  const std::size_t width = std::size_t{structure.columns} + 1;
+  std::vector<Marginal> out;
   for (const MatchingCluster& cluster : structure.clusters) {
+    std::size_t row = structure.rows, column = structure.columns;
     if (cluster.group != kNoGroup) {
       const MatchingGroup& group = structure.groups[cluster.group];
-      out.push_back(std::min(1.0, (group.is_row ? row : column)[group.number]));
+      (group.is_row ? row : column) = group.number;
     } else {
-      const MatchingCell& cell = structure.cells[cluster.cell];
-      out.push_back(sum.paired[std::size_t{cell.row} * structure.columns + cell.column]);
+      row = structure.cells[cluster.cell].row;
+      column = structure.cells[cluster.cell].column;
+    }
+    out.push_back(paired[row * width + column]);
+  }
+  return out;
+}
+
+std::vector<Marginal> with_sums(const MatchingSum& sum, std::size_t rows, std::size_t columns) {
+  std::vector<Marginal> out((rows + 1) * (columns + 1));
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      const double p = sum.paired[r * columns + c];
+      out[r * (columns + 1) + c].probability = p;
+      out[r * (columns + 1) + columns].probability += p;
+      out[rows * (columns + 1) + c].probability += p;
     }
   }
+  for (Marginal& m : out) m.probability = std::min(1.0, m.probability);
   return out;
 }
 
 struct ComponentAnswer {
   Termination termination = Termination::kCompleted;
   std::string message;
-  double log_partition = 0.0;
+  std::optional<double> log_partition;  // where it was summed exactly
+  std::uint64_t samples = 0;
 };
+
+// A mixture of the cluster's answers with its pair or row on and off.
+void answer_queries(const MatchingCluster& cluster, const ClusterStates& states, const Marginal& on,
+                    std::vector<Marginal>& marginals) {
+  for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
+    Marginal& m = marginals[cluster.queries[q]];
+    const double if_on = states[1].probability[q], if_off = states[0].probability[q];
+    m = on;
+    m.probability = std::clamp(on.probability * if_on + (1 - on.probability) * if_off, 0.0, 1.0);
+    if (m.mcse) *m.mcse *= std::abs(if_on - if_off);
+  }
+}
+
+bool fits(const MatchingStructure& structure, const InferenceOptions& options) {
+  const double log2 = matching_sum_log2(structure.rows, structure.columns);
+  return log2 <= std::min(kMostTableLog2, options.max_table_log2) &&
+         8 * std::exp2(log2) <= static_cast<double>(options.max_memory);
+}
 
 ComponentAnswer answer(const MethodContext& context, const MatchingStructure& structure,
                        std::vector<Marginal>& marginals) {
-  const auto stopped = [](Termination t, std::string message) { return ComponentAnswer{t, std::move(message), 0.0}; };
+  ComponentAnswer out;
+  const auto stopped = [&](Termination t, std::string message) {
+    out.termination = t;
+    out.message = std::move(message);
+    return out;
+  };
   if (!structure.found()) return stopped(Termination::kRefused, structure.problem);
-  if (matching_sum_log2(structure.rows, structure.columns) > std::min(kMostTableLog2, context.options.max_table_log2)) {
-    return stopped(Termination::kTooWide, fmt::format("a matching of {} x {} is too wide for exact marginals",
-                                                      structure.rows, structure.columns));
-  }
-  const double bytes = 8 * std::exp2(matching_sum_log2(structure.rows, structure.columns));
-  if (bytes > static_cast<double>(context.options.max_memory)) {
-    return stopped(Termination::kMemoryLimit, fmt::format("a matching of {} x {} needs {:.0f} MB", structure.rows,
-                                                          structure.columns, std::ceil(bytes / 1e6)));
-  }
   const WeightedMatching weighted = Weigher(context.network, structure, context.atom_bias).run(false);
   if (weighted.termination != Termination::kCompleted) return stopped(weighted.termination, weighted.message);
-  const MatchingSum sum = matching_sum(weighted.log_weights, structure.rows, structure.columns, context.stop);
-  if (sum.paired.empty()) return stopped(context.stop.reason(), "");
-  if (!all_forced(sum.log_total, weighted.forced)) return stopped(Termination::kNoPossibleWorld, "");
-  const std::vector<double> on = probability_of_on(structure, sum);
-  for (std::size_t c = 0; c < structure.clusters.size(); ++c) {
-    const MatchingCluster& cluster = structure.clusters[c];
-    const ClusterStates& states = weighted.states[c];
-    for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
-      marginals[cluster.queries[q]].probability =
-          std::clamp(on[c] * states[1].probability[q] + (1 - on[c]) * states[0].probability[q], 0.0, 1.0);
+  std::vector<Marginal> paired;
+  if (fits(structure, context.options)) {
+    const MatchingSum sum = matching_sum(weighted.log_weights, structure.rows, structure.columns, context.stop);
+    if (sum.paired.size() < weighted.log_weights.size()) return stopped(context.stop.reason(), "");
+    if (!all_forced(sum.log_total, weighted.forced)) return stopped(Termination::kNoPossibleWorld, "");
+    paired = with_sums(sum, structure.rows, structure.columns);
+    out.log_partition = weighted.log_base + (sum.log_total - kForced * static_cast<double>(weighted.forced));
+  } else {
+    const Assignment best = assignment_of(weighted, structure);
+    if (!all_forced(best.gain, weighted.forced)) return stopped(Termination::kNoPossibleWorld, "");
+    SampledMatching sampled =
+        sample_matchings(weighted.log_weights, structure.rows, structure.columns, context.options, context.stop);
+    out.samples = sampled.samples;
+    if (sampled.paired.empty()) return stopped(context.stop.reason(), "no sweep was finished");
+    if (context.stop.reached() && sampled.samples + context.options.chains * 25 < context.options.samples) {
+      out.termination = context.stop.reason();
+      out.message = "fewer draws than asked for";
     }
+    paired = std::move(sampled.paired);
   }
-  const double forced = kForced * static_cast<double>(weighted.forced);
-  return {Termination::kCompleted, "", weighted.log_base + (sum.log_total - forced)};
+  const std::vector<Marginal> on = probability_of_on(structure, paired);
+  for (std::size_t c = 0; c < structure.clusters.size(); ++c) {
+    answer_queries(structure.clusters[c], weighted.states[c], on[c], marginals);
+  }
+  return out;
 }
 
 // Which constraints of the component contradict each other.
@@ -285,13 +335,9 @@ void explain_conflict(const MethodContext& context, ComponentId component, Metho
 
 }  // namespace
 
-std::optional<MatchingStructure> narrow_matching(const GroundNetwork& network, ComponentId component,
-                                                 const InferenceOptions& options) {
+std::optional<MatchingStructure> quick_matching(const GroundNetwork& network, ComponentId component) {
   MatchingStructure structure = find_matching(network, component);
-  if (!structure.found() || shorter(structure) < 2) return std::nullopt;
-  const double log2 = matching_sum_log2(structure.rows, structure.columns);
-  if (log2 > std::min(kMostTableLog2, options.max_table_log2)) return std::nullopt;
-  if (8 * std::exp2(log2) > static_cast<double>(options.max_memory)) return std::nullopt;
+  if (!structure.found() || std::min(structure.rows, structure.columns) < 2) return std::nullopt;
   return structure;
 }
 
@@ -299,14 +345,16 @@ MethodResult run_matching(const MethodContext& context, std::vector<MatchingStru
   MethodResult result;
   result.marginals.resize(context.network.queries().size());
   double log_partition = 0;
+  bool exact = true;
   for (std::size_t i = 0; i < context.components.size(); ++i) {
     const ComponentAnswer one = answer(context, structures[i], result.marginals);
-    if (one.termination == Termination::kCompleted) {
-      log_partition += one.log_partition;
-      continue;
-    }
+    result.samples += one.samples;
+    exact = exact && one.log_partition;
+    log_partition += one.log_partition.value_or(0.0);
+    if (one.termination == Termination::kCompleted) continue;
+    const bool partly = one.samples > 0;
     for (std::uint32_t q : context.network.component_queries(context.components[i])) {
-      result.marginals[q].probability = kNan;
+      if (!partly) result.marginals[q].probability = kNan;
     }
     if (result.termination != Termination::kCompleted) continue;
     result.termination = one.termination;
@@ -317,7 +365,7 @@ MethodResult run_matching(const MethodContext& context, std::vector<MatchingStru
     }
     if (one.termination == Termination::kRefused) return result;
   }
-  if (result.termination == Termination::kCompleted) result.log_partition = log_partition;
+  if (result.termination == Termination::kCompleted && exact) result.log_partition = log_partition;
   return result;
 }
 
@@ -325,18 +373,10 @@ std::optional<MatchingOptimum> best_matching_world(const GroundNetwork& network,
                                                    std::span<const double> atom_bias) {
   const WeightedMatching weighted = Weigher(network, structure, atom_bias).run(true);
   if (weighted.termination != Termination::kCompleted) return std::nullopt;
-  // The Hungarian algorithm wants the shorter side first.
-  const bool turned = structure.rows > structure.columns;
-  const std::size_t rows = turned ? structure.columns : structure.rows;
-  const std::size_t columns = turned ? structure.rows : structure.columns;
-  std::vector<double> gains(weighted.log_weights.size());
-  for (std::size_t r = 0; r < rows; ++r) {
-    for (std::size_t c = 0; c < columns; ++c) {
-      gains[r * columns + c] = weighted.log_weights[turned ? c * rows + r : r * columns + c];
-    }
-  }
-  const Assignment best = best_assignment(gains, rows, columns);
+  const Assignment best = assignment_of(weighted, structure);
   if (!all_forced(best.gain, weighted.forced)) return std::nullopt;
+  const bool turned = structure.rows > structure.columns;
+  const std::size_t rows = std::min(structure.rows, structure.columns);
   std::vector<bool> row_on(structure.rows, false), column_on(structure.columns, false);
   for (std::size_t r = 0; r < rows; ++r) {
     if (!best.column_of[r]) continue;
@@ -400,6 +440,7 @@ MethodResult run_matching(const MethodContext& context) {
   result.termination = matched.termination;
   result.message = std::move(matched.message);
   result.conflict = std::move(matched.conflict);
+  result.samples = matched.samples;
   return result;
 }
 

@@ -131,6 +131,7 @@ LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monito
   LearningOptions options;
   options.method = training.method;
   options.threads = training.threads;
+  options.max_seconds = training.max_seconds;
   options.discriminative.push_back(*model->find_predicate("is"));
   const LearningResult learned = learn(*model, *databases, options, monitor);
   if (learned.termination != Termination::kCompleted || learned.weights.size() < out.weights.size()) {

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <string>
 
 #include "learning/learn.h"
@@ -22,6 +23,7 @@ struct IdentityTraining {
   std::uint64_t seed = 0x747261696e000000;  // evaluate on another
   std::string method = "dpll";              // of the learner
   std::uint32_t threads = 0;
+  double max_seconds = std::numeric_limits<double>::infinity();
 };
 
 struct LearnedIdentity {

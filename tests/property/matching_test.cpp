@@ -12,6 +12,7 @@
 #include "grounding/ground.h"
 #include "inference/assignment.h"
 #include "inference/exact.h"
+#include "inference/matching_sampler.h"
 #include "inference/matching_sum.h"
 #include "mln/query.h"
 
@@ -100,6 +101,52 @@ TEST(MatchingSum, WeightsThatOverflowAreNoTrouble) {
   EXPECT_NEAR(sum.log_total, 800 + std::log(2 * (1 + std::exp(1.0))), 1e-9);
   EXPECT_NEAR(sum.paired[0], 0.5, 1e-12);
   EXPECT_NEAR(sum.paired[1], 0.5 * std::exp(1.0) / (1 + std::exp(1.0)), 1e-12);
+}
+
+TEST(MatchingSampler, IsWithinItsOwnErrorsOfTheExactSum) {
+  std::mt19937_64 random(11);
+  std::size_t pairs = 0, covered = 0;
+  for (int round = 0; round < 12; ++round) {
+    const std::size_t rows = 4u + static_cast<std::size_t>(round % 5),
+                      columns = 3u + static_cast<std::size_t>(round % 4);
+    std::vector<double> weights(rows * columns);
+    for (double& w : weights)
+      w = random() % 8 == 0 ? -kInfinity : 8 * (static_cast<double>(random() >> 11) * 0x1p-53) - 3;
+    Monitor monitor;
+    const StopCondition stop(monitor);
+    const MatchingSum exact = matching_sum(weights, rows, columns, stop);
+    InferenceOptions options;
+    options.samples = 8000;
+    options.threads = 1u + static_cast<std::uint32_t>(round % 3);
+    const SampledMatching sampled = sample_matchings(weights, rows, columns, options, stop);
+    EXPECT_EQ(sampled.samples, 8000u);
+    double on = 0;
+    for (std::size_t c = 0; c < columns; ++c) on += exact.paired[c];
+    EXPECT_NEAR(sampled.paired[columns].probability, on, 0.02);  // the first row, whoever it is paired with
+    for (std::size_t r = 0; r < rows; ++r) {
+      for (std::size_t c = 0; c < columns; ++c) {
+        const Marginal& m = sampled.paired[r * (columns + 1) + c];
+        const double p = exact.paired[r * columns + c];
+        EXPECT_NEAR(m.probability, p, 0.02);
+        if (p < 0.01 || p > 0.99) continue;
+        ++pairs;
+        covered += std::abs(m.probability - p) <= 1.96 * *m.mcse ? 1u : 0u;
+      }
+    }
+  }
+  EXPECT_GT(static_cast<double>(covered) / static_cast<double>(pairs), 0.88);
+}
+
+TEST(MatchingSampler, TheSameForAnyNumberOfThreads) {
+  const std::vector<double> weights = {1, 2, 0.5, -1, 0, 3};
+  const auto first = [&](std::uint32_t threads) {
+    Monitor monitor;
+    InferenceOptions options;
+    options.samples = 1000;
+    options.threads = threads;
+    return sample_matchings(weights, 3, 2, options, StopCondition(monitor)).paired[0].probability;
+  };
+  EXPECT_EQ(first(1), first(4));
 }
 
 // --- the method
