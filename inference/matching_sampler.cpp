@@ -13,18 +13,21 @@ namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kBatches = 25;  // of each chain
+constexpr std::size_t kExchanges = 4;   // offered by each column in a sweep
 constexpr double kNoError = 2e-4;       // a standard error below this
 constexpr std::uint32_t kAlone = 0xffffffffu;
 
 struct Weights {
   std::size_t rows, columns;
-  std::vector<double> log_pair;  // column by column
-  std::vector<double> pair;      // exp, scaled so that the largest of a column is 1
-  std::vector<double> alone;     // by column, likewise
+  std::vector<double> log_pair;   // column by column
+  std::vector<double> pair;       // exp, scaled so that the largest of a column is 1
+  std::vector<double> alone;      // by column, likewise
+  std::vector<double> running;    // column by column: sums of `pair` up to this row
+  std::vector<double> log_total;  // by column: of all rows and being alone, not scaled
 };
 
 Weights weights_of(std::span<const double> log_weights, std::size_t rows, std::size_t columns) {
-  Weights w{rows, columns, std::vector<double>(rows * columns), std::vector<double>(rows * columns), {}};
+  Weights w{rows, columns, std::vector<double>(rows * columns), std::vector<double>(rows * columns), {}, {}, {}};
   for (std::size_t c = 0; c < columns; ++c) {
     double largest = 0;
     for (std::size_t r = 0; r < rows; ++r) {
@@ -33,6 +36,9 @@ Weights weights_of(std::span<const double> log_weights, std::size_t rows, std::s
     }
     for (std::size_t r = 0; r < rows; ++r) w.pair[c * rows + r] = std::exp(w.log_pair[c * rows + r] - largest);
     w.alone.push_back(std::exp(-largest));
+    double sum = 0;
+    for (std::size_t r = 0; r < rows; ++r) w.running.push_back(sum += w.pair[c * rows + r]);
+    w.log_total.push_back(largest + std::log(sum + w.alone.back()));
   }
   return w;
 }
@@ -53,7 +59,7 @@ class Chain {
   // `sums`: probabilities are added, column by column; nothing where null.
   void sweep(double* sums) {
     for (std::uint32_t c = 0; c < w_.columns; ++c) redraw(c, sums);
-    for (std::size_t i = 0; i < w_.columns; ++i) offer_exchange();
+    for (std::size_t i = 0; w_.rows > 0 && i < kExchanges * w_.columns; ++i) offer_exchange();
   }
 
  private:
@@ -89,13 +95,21 @@ class Chain {
 
   double log_weight(std::uint32_t c, std::uint32_t r) const { return r == kAlone ? 0.0 : w_.log_pair[c * w_.rows + r]; }
 
+  // Column a wants a row, drawn by its weights alone, that column b holds: b gets what a had (Metropolis-Hastings). Going back, a
+  // wants its old row, or, where it was alone, b wants the row again.
   void offer_exchange() {
     const std::uint32_t a = rng_.below(static_cast<std::uint32_t>(w_.columns));
-    const std::uint32_t b = rng_.below(static_cast<std::uint32_t>(w_.columns));
-    const std::uint32_t ra = row_of_[a], rb = row_of_[b];
-    if (a == b || ra == rb) return;
-    const double change = log_weight(a, rb) + log_weight(b, ra) - log_weight(a, ra) - log_weight(b, rb);
-    if (change >= 0 || rng_.uniform() < std::exp(change)) std::swap(row_of_[a], row_of_[b]);
+    const auto begin = w_.running.begin() + static_cast<std::ptrdiff_t>(a * w_.rows);
+    const auto end = begin + static_cast<std::ptrdiff_t>(w_.rows);
+    const double point = rng_.uniform() * (*(end - 1) + w_.alone[a]);
+    const auto wanted = static_cast<std::uint32_t>(std::upper_bound(begin, end, point) - begin);
+    if (wanted >= w_.rows || !taken_[wanted] || row_of_[a] == wanted) return;
+    const auto holder = std::ranges::find(row_of_, wanted);
+    const auto b = static_cast<std::uint32_t>(holder - row_of_.begin());
+    const std::uint32_t had = row_of_[a];
+    const double log_ratio =
+        had == kAlone ? w_.log_total[a] - w_.log_total[b] : log_weight(b, had) - log_weight(b, wanted);
+    if (log_ratio >= 0 || rng_.uniform() < std::exp(log_ratio)) std::swap(row_of_[a], row_of_[b]);
   }
 
   const Weights& w_;

@@ -1,8 +1,8 @@
 // How probable each pair of a one-to-one matching is, by sampling: for matchings too wide for matching_sum.h.
 //
 // Idea      A chain holds a matching. Each column in turn lets its row go and draws among the rows that are free and being alone;
-//           then as many random pairs of columns offer each other their rows (Metropolis), since two columns that each hold
-//           what the other wants would have to be alone first. What is averaged is not the draw but the probabilities
+//           then columns that want a row which another one holds offer their own for it (Metropolis-Hastings), since two that hold what
+//           the other wants would have to be alone first. What is averaged is not the draw but the probabilities
 //           it was drawn from (Rao-Blackwell), so that rare pairs are seen, too. Chains start from the best matching.
 //           Errors come from batch means. 100 rows x 30 columns: 20,000 sweeps in 0.4 s.
 // Source    Liu, Monte Carlo Strategies in Scientific Computing, 2001, sections 2.5.5 and 6; Geyer, Statistical Science 7, 1992.

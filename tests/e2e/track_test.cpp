@@ -88,7 +88,7 @@ TEST(TrackSimulate, DumpsTrialsWhoseTruthIsThatOfTheActions) {
     EXPECT_GE(trial["result"]["seconds"].get<double>(), 0);
     for (const auto& [id, partner] : trial["truth"]["association"].items()) {
       ++clusters;
-      associated += trial["result"]["association"][id] == partner ? 1 : 0;
+      associated += trial["result"]["association"][id] == partner ? 1u : 0u;
     }
     for (const auto& [id, why] : trial["result"]["explanation"].items()) {
       if (why == "disappear") {
