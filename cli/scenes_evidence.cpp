@@ -45,8 +45,8 @@ bool compares(const EvidenceMapping& mapping, const Observing& observing) {
 }
 
 // The evidence of one scene, or nothing after saying why.
-std::optional<Observation> observe_stored(Session& session, SceneStore& store, const EvidenceMapping& mapping,
-                                          const Observing& observing, const Scene& scene) {
+std::optional<SceneObservation> observe_stored(Session& session, SceneStore& store, const EvidenceMapping& mapping,
+                                               const Observing& observing, const Scene& scene) {
   if (!compares(mapping, observing)) {
     ObserveOptions options;
     options.labels = observing.labels;

@@ -132,8 +132,8 @@ std::string observed_text(const ObservedAtom& atom) {
 
 }  // namespace
 
-Observation observe(const EvidenceMapping& mapping, const Scene& scene, const ObserveOptions& options) {
-  Observation result;
+SceneObservation observe(const EvidenceMapping& mapping, const Scene& scene, const ObserveOptions& options) {
+  SceneObservation result;
   AtomList atoms(result.atoms);
   const auto names = constants(mapping.clusters, scene.clusters.size());
   if (!names.empty()) result.domains.emplace_back(mapping.clusters.domain, names);
@@ -150,8 +150,9 @@ Observation observe(const EvidenceMapping& mapping, const Scene& scene, const Ob
   return result;
 }
 
-Observation observe_change(const EvidenceMapping& mapping, std::span<const Cluster> old_clusters, const Scene& now) {
-  Observation result;
+SceneObservation observe_change(const EvidenceMapping& mapping, std::span<const Cluster> old_clusters,
+                                const Scene& now) {
+  SceneObservation result;
   const auto olds = constants(mapping.old_clusters, old_clusters.size());
   const auto news = constants(mapping.new_clusters, now.clusters.size());
   if (!olds.empty()) result.domains.emplace_back(mapping.old_clusters.domain, olds);
@@ -168,7 +169,7 @@ Observation observe_change(const EvidenceMapping& mapping, std::span<const Clust
     }
   }
   if (mapping.out_of_view.empty()) return result;
-  const View view = view_of(now);
+  const SceneView view = view_of(now);
   for (std::size_t o = 0; o < old_clusters.size(); ++o) {
     const auto position = position_of(old_clusters[o]);
     if (position && !sees(view, *position)) result.atoms.push_back({mapping.out_of_view, {olds[o]}, 1, false});
@@ -176,7 +177,7 @@ Observation observe_change(const EvidenceMapping& mapping, std::span<const Clust
   return result;
 }
 
-std::string evidence_text(const Observation& observation) {
+std::string evidence_text(const SceneObservation& observation) {
   std::string text;
   for (const auto& [domain, names] : observation.domains)
     text += fmt::format("{} = {{{}}}\n", domain, fmt::join(names, ", "));
@@ -184,13 +185,13 @@ std::string evidence_text(const Observation& observation) {
   return text;
 }
 
-std::optional<Evidence> to_evidence(const Observation& observation, const Model& model, Diagnostics& diagnostics,
+std::optional<Evidence> to_evidence(const SceneObservation& observation, const Model& model, Diagnostics& diagnostics,
                                     const EvidenceOptions& options) {
   auto databases = parse_evidence(model, evidence_text(observation), "observed scene", diagnostics, options);
   return databases ? std::optional(std::move(databases->front())) : std::nullopt;
 }
 
-Annotation mln_atoms(const Observation& observation, const std::string& cluster) {
+Annotation mln_atoms(const SceneObservation& observation, const std::string& cluster) {
   Value::List texts;
   for (const ObservedAtom& atom : observation.atoms) {
     if (!atom.arguments.empty() && atom.arguments.front() == cluster) texts.emplace_back(observed_text(atom));

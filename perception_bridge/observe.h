@@ -27,7 +27,7 @@ struct ObservedAtom {
   bool soft = false;  // false: a fact, whatever its degree was
 };
 
-struct Observation {
+struct SceneObservation {
   std::vector<std::pair<std::string, std::vector<std::string>>> domains;  // so that clusters without an atom exist too
   std::vector<ObservedAtom> atoms;
   std::vector<std::string> notes;  // what was left out, and why
@@ -38,19 +38,20 @@ struct ObserveOptions {
   std::optional<bool> fuzzy;  // RoboSherlock's word: all degrees soft, or none; without: as each rule says
 };
 
-Observation observe(const EvidenceMapping& mapping, const Scene& scene, const ObserveOptions& options = {});
+SceneObservation observe(const EvidenceMapping& mapping, const Scene& scene, const ObserveOptions& options = {});
 
 // Old clusters against the clusters of a new scene: each pair by the mapping's pair rules; out of view where the scene's view
 // does not have the old position. An old cluster without a position counts as in view.
-Observation observe_change(const EvidenceMapping& mapping, std::span<const Cluster> old_clusters, const Scene& now);
+SceneObservation observe_change(const EvidenceMapping& mapping, std::span<const Cluster> old_clusters,
+                                const Scene& now);
 
 // One database of a .db file.
-std::string evidence_text(const Observation& observation);
+std::string evidence_text(const SceneObservation& observation);
 // Errors (a predicate that the model does not declare, ...) go to `diagnostics`.
-std::optional<Evidence> to_evidence(const Observation& observation, const Model& model, Diagnostics& diagnostics,
+std::optional<Evidence> to_evidence(const SceneObservation& observation, const Model& model, Diagnostics& diagnostics,
                                     const EvidenceOptions& options = {});
 
 // RoboSherlock's rs.annotation.MLNAtoms of one cluster: its atoms as texts.
-Annotation mln_atoms(const Observation& observation, const std::string& cluster);
+Annotation mln_atoms(const SceneObservation& observation, const std::string& cluster);
 
 }  // namespace sherlog

@@ -262,18 +262,18 @@ void add_annotations(Value::Object& object, const std::vector<Annotation>& annot
   }
 }
 
-std::optional<Position> position_at(const std::vector<const Value*>& values, const Value* frame) {
+std::optional<ScenePosition> position_at(const std::vector<const Value*>& values, const Value* frame) {
   for (const Value* value : values) {
     auto numbers = numbers_of(*value);
     if (!numbers || numbers->size() < 2 || numbers->size() > 3) continue;
-    Position position{std::move(*numbers), {}};
+    ScenePosition position{std::move(*numbers), {}};
     if (frame != nullptr && frame->text() != nullptr) position.frame = *frame->text();
     return position;
   }
   return std::nullopt;
 }
 
-std::optional<Position> pose_position(const Cluster& cluster) {
+std::optional<ScenePosition> pose_position(const Cluster& cluster) {
   for (const char* view : {"world", "camera"}) {
     for (const Annotation* pose : annotations_of(cluster.annotations, "rs.annotation.PoseAnnotation")) {
       const Value* stamped = find(pose->fields, view);
@@ -320,7 +320,7 @@ std::string_view text_field(const Annotation& annotation, std::string_view field
   return value == nullptr || value->text() == nullptr ? std::string_view() : std::string_view(*value->text());
 }
 
-std::optional<Position> position_of(const Cluster& cluster) {
+std::optional<ScenePosition> position_of(const Cluster& cluster) {
   auto position = pose_position(cluster);
   for (const Annotation* location : annotations_of(cluster.annotations, "rs.annotation.LocationAnnotation")) {
     if (position) break;

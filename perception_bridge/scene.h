@@ -65,11 +65,11 @@ std::string_view text_field(const Annotation& annotation, std::string_view field
 
 // Where the cluster is: the centre of its pose in the world, else in its camera's frame; else of its location; else of its
 // points. Nothing where no annotation says it.
-struct Position {
+struct ScenePosition {
   std::vector<double> coordinates;  // metres: 2 or 3
   std::string frame;                // empty: not said
 };
-std::optional<Position> position_of(const Cluster& cluster);
+std::optional<ScenePosition> position_of(const Cluster& cluster);
 // The name of the place: of a TFLocation, else of a location.
 std::string place_of(const std::vector<Annotation>& annotations);
 

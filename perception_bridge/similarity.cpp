@@ -42,7 +42,7 @@ std::optional<double> position_distance(const Cluster& a, const Cluster& b) {
   if (!first || !second) return std::nullopt;
   if (first->frame != second->frame) return std::numeric_limits<double>::infinity();
   const std::size_t common = std::min(first->coordinates.size(), second->coordinates.size());
-  const auto cut = [&](const Position& position) {
+  const auto cut = [&](const ScenePosition& position) {
     return std::vector<double>(position.coordinates.begin(),
                                position.coordinates.begin() + static_cast<std::ptrdiff_t>(common));
   };

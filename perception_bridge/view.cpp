@@ -36,8 +36,8 @@ double number_at(const Annotation& annotation, std::string_view field, double ot
 
 }  // namespace
 
-View view_of(const Scene& scene) {
-  View view;
+SceneView view_of(const Scene& scene) {
+  SceneView view;
   for (const Annotation* annotation : annotations_of(scene.annotations, "sherlog.annotation.ViewFrustum")) {
     ViewFrustum frustum;
     frustum.frame = annotation->frame.value_or(scene.frame.value_or(""));
@@ -61,7 +61,7 @@ View view_of(const Scene& scene) {
   return view;
 }
 
-bool sees(const ViewFrustum& view, const Position& position) {
+bool sees(const ViewFrustum& view, const ScenePosition& position) {
   if (view.frame != position.frame || position.coordinates.size() != 3) return false;
   Vector relative = {};
   for (std::size_t i = 0; i < 3; ++i) relative[i] = position.coordinates[i] - view.translation[i];
@@ -72,7 +72,7 @@ bool sees(const ViewFrustum& view, const Position& position) {
          std::abs(std::atan2(p[1], p[2])) <= view.vertical_angle / 2;
 }
 
-bool sees(const ViewBox& view, const Position& position) {
+bool sees(const ViewBox& view, const ScenePosition& position) {
   if (view.frame != position.frame) return false;
   const std::size_t size = std::min({view.min.size(), view.max.size(), position.coordinates.size()});
   for (std::size_t i = 0; i < size; ++i) {
@@ -81,7 +81,7 @@ bool sees(const ViewBox& view, const Position& position) {
   return size > 0;
 }
 
-bool sees(const View& view, const Position& position) {
+bool sees(const SceneView& view, const ScenePosition& position) {
   if (view.frusta.empty() && view.boxes.empty()) return true;
   return std::any_of(view.frusta.begin(), view.frusta.end(), [&](const ViewFrustum& v) { return sees(v, position); }) ||
          std::any_of(view.boxes.begin(), view.boxes.end(), [&](const ViewBox& v) { return sees(v, position); });

@@ -29,15 +29,15 @@ struct ViewBox {
 };
 
 // The views of a scene: a place is in view where one of them has it. None: nothing is known, and everything is in view.
-struct View {
+struct SceneView {
   std::vector<ViewFrustum> frusta;
   std::vector<ViewBox> boxes;
 };
 
-View view_of(const Scene& scene);
+SceneView view_of(const Scene& scene);
 
-bool sees(const ViewFrustum& view, const Position& position);
-bool sees(const ViewBox& view, const Position& position);
-bool sees(const View& view, const Position& position);
+bool sees(const ViewFrustum& view, const ScenePosition& position);
+bool sees(const ViewBox& view, const ScenePosition& position);
+bool sees(const SceneView& view, const ScenePosition& position);
 
 }  // namespace sherlog

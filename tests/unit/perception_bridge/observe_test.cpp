@@ -174,7 +174,7 @@ TEST(View, AFrustumAgreesWithPlaneGeometry) {
     view.vertical_angle = 2 * half_height;
     view.near = 0.2;
     view.far = 1.5;
-    const Position point{{2 * uniform(random), 2 * uniform(random), 2 * uniform(random)}, "map"};
+    const ScenePosition point{{2 * uniform(random), 2 * uniform(random), 2 * uniform(random)}, "map"};
     const double dx = point.coordinates[0] - view.translation[0], dy = point.coordinates[1] - view.translation[1],
                  dz = point.coordinates[2] - view.translation[2];
     const double forward = dx * fx + dy * fy, right = dx * fy - dy * fx;
@@ -191,8 +191,8 @@ TEST(View, OtherFramesAreOutOfViewAndNoViewSeesEverything) {
   EXPECT_TRUE(sees(box, {{0.5, 1, 7}, "table1"}));
   EXPECT_FALSE(sees(box, {{0.5, 1.01}, "table1"}));
   EXPECT_FALSE(sees(box, {{0.5, 0.5}, "table2"}));
-  EXPECT_TRUE(sees(View{}, {{0.5, 0.5}, "table2"}));
-  EXPECT_FALSE(sees(View{{}, {box}}, {{0.5, 0.5}, "table2"}));
+  EXPECT_TRUE(sees(SceneView{}, {{0.5, 0.5}, "table2"}));
+  EXPECT_FALSE(sees(SceneView{{}, {box}}, {{0.5, 0.5}, "table2"}));
 }
 
 // --- evidence ---
@@ -215,7 +215,7 @@ Scene fusion_scene() {
 }
 
 TEST(Observe, TheFusionMappingWritesTheWordsOfTheModel) {
-  const Observation observation = observe(*shipped_mapping("fusion"), fusion_scene());
+  const SceneObservation observation = observe(*shipped_mapping("fusion"), fusion_scene());
   EXPECT_EQ(evidence_text(observation),
             "cluster = {c0, c1}\nshape(c0,Box)\ncolor(c0,Red)\ngoggles_Logo(c0,\"Dr Oetker\")\nscene(Breakfast)\n");
   EXPECT_THAT(observation.notes, ElementsAre(HasSubstr("'torus'")));
@@ -231,7 +231,7 @@ TEST(Observe, TheRoboSherlockMappingWritesItsAtoms) {
         "goggles_Logo(c0,\"Dr Oetker\")\n", "goggles(c0,\"Kellogg's zoo (500 g)\")\n", "scene(breakfast)\n"}) {
     EXPECT_THAT(hard, HasSubstr(atom));
   }
-  const Observation fuzzy = observe(mapping, fusion_scene(), {.labels = false, .fuzzy = true});
+  const SceneObservation fuzzy = observe(mapping, fusion_scene(), {.labels = false, .fuzzy = true});
   EXPECT_THAT(evidence_text(fuzzy), HasSubstr("0.889 shape(c0,box)\n"));
   EXPECT_THAT(evidence_text(fuzzy), HasSubstr("0.6 color(c0,red)\n"));
   EXPECT_EQ(mln_atoms(fuzzy, "c1").fields[0].second.list()->size(), 0u);
@@ -271,7 +271,7 @@ TEST(Observe, PairsAndViewBecomeTheEvidenceOfTheIdentityModel) {
   now.annotations = {view};
   const std::vector<Cluster> old = {at(0, 0.25, "map", R"(,"sherlog.annotation.MeanColor":[{"color":[1,0,0]}])"),
                                     at(0, 3)};
-  const Observation observation = observe_change(*shipped_mapping("identity"), old, now);
+  const SceneObservation observation = observe_change(*shipped_mapping("identity"), old, now);
   EXPECT_EQ(evidence_text(observation),
             "oldCluster = {O0, O1}\nnewCluster = {N0, N1}\n"
             "0.999999999 similar(O0,N0)\n0.5 similar(O0,N1)\n0.5 similar(O1,N0)\n0.5 similar(O1,N1)\n"
