@@ -38,5 +38,6 @@
 #include "perception_bridge/scene.h"
 #include "perception_bridge/scene_lines.h"
 #include "perception_bridge/scene_store.h"
+#include "perception_bridge/scene_tracker.h"
 #include "perception_bridge/similarity.h"
 #include "perception_bridge/view.h"

@@ -7,5 +7,6 @@ namespace sherlog::cli {
 
 void add_track_learn(CLI::App& track, Action& action);
 void add_track_evaluate(CLI::App& track, Action& action);
+void add_track_resolve(CLI::App& track, Action& action);
 
 }  // namespace sherlog::cli

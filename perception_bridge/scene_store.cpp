@@ -290,6 +290,10 @@ bool SceneStore::add(const Identity& identity) {
   return good && complete;
 }
 
+bool SceneStore::remove_identity(std::string_view id) {
+  return in_transaction([&] { database_->statement("DELETE FROM identities WHERE name = ?").bind(id).run(); });
+}
+
 // --- reading ---
 
 bool SceneStore::has(std::string_view scene) { return scene_row(scene).has_value(); }

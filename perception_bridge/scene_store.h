@@ -125,6 +125,7 @@ class SceneStore {
   bool add(const StoredEvidence& evidence);
   bool add(const StoredBelief& belief);
   bool add(const Identity& identity);
+  bool remove_identity(std::string_view id);
 
   bool has(std::string_view scene);
   std::optional<Scene> scene(std::string_view id);

@@ -218,6 +218,31 @@ TEST_F(SceneStoreProgram, AStoreThatCannotBeWrittenIsLeftAsItWas) {
   EXPECT_EQ(scene_count(), 3u);
 }
 
+TEST_F(SceneStoreProgram, ResolvingKeepsTheNamesOfThingsThatComeBack) {
+  const auto resolve = [&](const std::string& options) {
+    const Outcome outcome = scratch_.sherlog("track resolve robot.db --quiet --json - " + options);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return Json::parse(outcome.out);
+  };
+  EXPECT_EQ(resolve("--dry-run")["steps"].size(), 3u);
+  const Json first = resolve("--to 1353590000");  // without the evening
+  ASSERT_EQ(first["steps"].size(), 2u);
+  EXPECT_EQ(first["steps"][1]["hidden"].size(), 3u) << "nothing out of view has disappeared";
+  EXPECT_EQ(first["steps"][1]["disappeared"].size(), 0u);
+  // A second run goes on from the store.
+  const Json second = resolve("");
+  ASSERT_EQ(second["steps"].size(), 1u);
+  const Json& clusters = second["steps"][0]["clusters"];
+  EXPECT_EQ(clusters[0]["object"], "object-2");  // the bowl
+  EXPECT_EQ(clusters[0]["explanation"], "stay");
+  EXPECT_EQ(clusters[1]["object"], "object-3");  // the milk
+  EXPECT_EQ(clusters[1]["explanation"], "move");
+  EXPECT_EQ(json("history robot.db object-3")["sightings"].size(), 2u);
+  EXPECT_EQ(resolve("")["steps"].size(), 0u);
+  EXPECT_EQ(resolve("--restart")["objects"].size(), second["objects"].size());
+  EXPECT_EQ(scratch_.sherlog("track resolve robot.db --mapping fusion").code, 2);
+}
+
 TEST_F(SceneStoreProgram, TheSchemaIsPrinted) {
   const Outcome outcome = scratch_.sherlog("scenes schema");
   EXPECT_EQ(outcome.out, read_all(SHERLOG_SOURCE_DIR "/docs/scene.schema.json"));

@@ -1,0 +1,185 @@
+// sherlog track resolve: who is who in the scenes of a store; the belief goes back into it.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "cli/scenes.h"
+#include "cli/table.h"
+#include "cli/track_commands.h"
+#include "mln/parser.h"
+#include "mln/text_file.h"
+#include "perception_bridge/scene_tracker.h"
+#include "perception_bridge/shipped_models.h"
+
+namespace sherlog::cli {
+namespace {
+
+struct Resolving {
+  StoreChoice store;
+  std::string model = "paper";
+  std::string mapping = "identity";
+  double forget_seconds = std::numeric_limits<double>::infinity();
+  bool dry_run = false, restart = false;
+};
+
+std::optional<Model> identity_model(Session& session, const std::string& name) {
+  auto model = name == "paper" ? parse_model(paper_identity_model(), "table1.mln", session.diagnostics())
+                               : parse_model_files({name}, session.diagnostics());
+  session.print_diagnostics();
+  return model;
+}
+
+std::optional<EvidenceMapping> pair_mapping(Session& session, const std::string& name) {
+  if (auto shipped = shipped_mapping(name)) return shipped;
+  const TextFile file = load_text_file(name);
+  std::string problem = file.problem;
+  const auto document = file.text ? parse_json(*file.text, problem) : std::nullopt;
+  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
+  if (!mapping) session.error(fmt::format("--mapping '{}': {}", name, problem));
+  return mapping;
+}
+
+// The objects of an earlier run, so that this one goes on from there.
+void resume(SceneStore& store, SceneTracker& tracker) {
+  for (const std::string& id : store.identities()) {
+    auto identity = store.identity(id);
+    if (!identity || identity->sightings.empty()) continue;
+    const Sighting last = identity->sightings.back();
+    const auto scene = store.scene(last.scene);
+    if (!scene) continue;
+    for (const Cluster& cluster : scene->clusters) {
+      if (cluster.id == last.cluster) tracker.resume(std::move(*identity), cluster, scene->timestamp);
+      if (cluster.id == last.cluster) break;
+    }
+  }
+}
+
+Json step_json(const TrackingStep& step) {
+  Json json = to_json(step_to_json(step));
+  json["scene"] = step.scene;
+  json["seconds"] = step.seconds;
+  return json;
+}
+
+void add_step(Table& table, const TrackingStep& step) {
+  std::string scene = step.scene;
+  for (const TrackingStep::ClusterBelief& entry : step.clusters) {
+    std::string others;
+    for (const auto& other : entry.others)
+      others += fmt::format("{}{} {:.3f}", others.empty() ? "" : ", ", other.object, other.probability);
+    table.add_row(
+        {scene, entry.cluster, entry.object, entry.explanation, fmt::format("{:.3f}", entry.probability), others});
+    scene.clear();
+  }
+  for (const std::string& object : step.disappeared) table.add_row({scene, "", object, "disappear"}), scene.clear();
+  for (const std::string& object : step.hidden) table.add_row({scene, "", object, "hidden"}), scene.clear();
+  table.add_gap();
+}
+
+// The steps that were new; a step that has no answer ends it.
+int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, const Resolving& resolving) {
+  auto filter = scene_filter(session, store, resolving.store);
+  if (!filter) return kBadInput;
+  const auto resumed = tracker.last_time();
+  Table table({{"scene", Align::kLeft},
+               {"cluster", Align::kLeft},
+               {"object", Align::kLeft},
+               {"explanation", Align::kLeft},
+               {"probability", Align::kRight},
+               {"or else", Align::kLeft}});
+  Json steps = Json::array();
+  Termination termination = Termination::kCompleted;
+  std::vector<StoredBelief> beliefs;
+  store.for_each_scene(*filter, [&](const Scene& scene) {
+    if (resumed && scene.timestamp <= *resumed) return true;  // known from an earlier run
+    if (session.monitor().interrupted()) termination = Termination::kInterrupted;
+    if (session.seconds_left() <= 0) termination = Termination::kTimeLimit;
+    if (termination != Termination::kCompleted) return false;
+    const TrackingStep step = tracker.feed(scene, session.monitor());
+    termination = step.termination;
+    if (termination != Termination::kCompleted) {
+      session.error(fmt::format("{}: {}", scene.id, step.message));
+      return false;
+    }
+    beliefs.push_back({scene.id, "identity", step_to_json(step)});
+    steps.push_back(step_json(step));
+    add_step(table, step);
+    return true;
+  });
+  if (!resolving.dry_run && !beliefs.empty()) {
+    bool good = store.begin();
+    for (const std::string& id : store.identities()) {
+      // Those of the run before; what people named stays.
+      if (resolving.restart && id.starts_with(TrackerOptions{}.prefix)) good = good && store.remove_identity(id);
+    }
+    for (const StoredBelief& belief : beliefs) good = good && store.add(belief);
+    for (const TrackedObject& object : tracker.objects()) good = good && store.add(object.identity);
+    if (!good || !store.commit()) {
+      const std::string problem = store.problem();
+      store.roll_back();
+      return session.error(problem.empty() ? "the belief could not be stored" : problem), kBadInput;
+    }
+  }
+  const std::string text =
+      fmt::format("{} scenes, {} objects\n\n{}", beliefs.size(), tracker.objects().size(), table.text());
+  return session.finish(exit_code(termination), text, [&] {
+    Json json{{"schema", "sherlog.track.resolve/1"},
+              {"termination", to_string(termination)},
+              {"objects", Json::array()},
+              {"steps", steps}};
+    for (const TrackedObject& object : tracker.objects()) {
+      json["objects"].push_back({{"id", object.identity.id},
+                                 {"lastSeen", object.identity.last_seen},
+                                 {"wasSeen", object.identity.was_seen},
+                                 {"inView", object.identity.in_view},
+                                 {"disappeared", object.identity.disappeared},
+                                 {"sightings", object.identity.sightings.size()}});
+    }
+    return to_text(json);
+  });
+}
+
+int run_resolve(Options options, const Resolving& resolving) {
+  Session session(std::move(options));
+  if (!session.check_options()) return kBadInput;
+  auto model = identity_model(session, resolving.model);
+  auto mapping = pair_mapping(session, resolving.mapping);
+  if (!model || !mapping) return kBadInput;
+  auto store = open_store(session, resolving.store, {.read_only = resolving.dry_run, .create = false});
+  if (!store) return kBadInput;
+  std::string problem;
+  auto tracker = SceneTracker::make(std::move(*model), std::move(*mapping), session.inference_options(),
+                                    {.forget_seconds = resolving.forget_seconds}, problem);
+  if (!tracker) return session.error(problem), kBadInput;
+  if (!resolving.restart) resume(*store, *tracker);
+  return resolve_scenes(session, *store, *tracker, resolving);
+}
+
+}  // namespace
+
+void add_track_resolve(CLI::App& track, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto resolving = std::make_shared<Resolving>();
+  CLI::App* command =
+      track.add_subcommand("resolve", "Who is who in the scenes of a store: goes on where the last run ended");
+  add_store_option(*command, resolving->store);
+  command->add_option("--model", resolving->model, "paper: Table 1; or a file with its predicates (default paper)")
+      ->type_name("paper|FILE");
+  command
+      ->add_option("--mapping", resolving->mapping,
+                   "How clusters are compared: a shipped mapping or a JSON file (default identity)")
+      ->type_name("identity|FILE");
+  command
+      ->add_option("--forget", resolving->forget_seconds,
+                   "What was not seen for so long is no candidate (default: never)")
+      ->type_name("S");
+  command->add_flag("--dry-run", resolving->dry_run, "Leave the store as it is");
+  command->add_flag("--restart", resolving->restart, "From the first scene on, without the objects of earlier runs");
+  add_time_options(*command, resolving->store);
+  add_inference_options(*command, *options);
+  add_common_options(*command, *options);
+  command->callback(
+      [options, resolving, &action] { action = [options, resolving] { return run_resolve(*options, *resolving); }; });
+}
+
+}  // namespace sherlog::cli
