@@ -41,12 +41,8 @@ PreparedOrProblem prepare(const TrainingSet& set, const std::vector<bool>& open,
   TrainingProblem problem = for_each_database(
       set.databases.size(), options.threads, stop, "counting",
       [&](std::size_t d) -> TrainingProblem {
-        GroundingOptions limits;
-        limits.max_memory = options.max_memory;
-        limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
         const TrueAtoms truth(set.model, set.databases[d]);
-        const Observation observation =
-            observe(set.model, set.databases[d], truth, open, {}, set.weights, limits, stop.monitor());
+        const Observation observation = observe_within_limits(set, set.databases[d], truth, open, options, stop);
         if (!observation.result) return {observation.termination, observation.message};
         InferenceOptions inference;
         inference.max_memory = options.max_memory;
@@ -75,9 +71,7 @@ PreparedOrProblem prepare(const TrainingSet& set, const std::vector<bool>& open,
 }  // namespace
 
 PreparedOrProblem prepare_cll(const TrainingSet& set, const LearningOptions& options, bool, const StopCondition& stop) {
-  std::vector<bool> open(set.mentioned.size(), false);
-  for (const PredicateId p : options.discriminative) open[p.index()] = true;
-  return prepare(set, open, options, stop);
+  return prepare(set, opened(set.model, options.discriminative), options, stop);
 }
 
 PreparedOrProblem prepare_ll(const TrainingSet& set, const LearningOptions& options, bool, const StopCondition& stop) {

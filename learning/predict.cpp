@@ -94,10 +94,8 @@ TaskOrProblem make_prediction_task(const TrainingSet& set, std::uint32_t databas
   const Model& model = set.model;
   const Evidence& evidence = set.databases[database];
   const TrueAtoms truth(model, evidence);
-  std::vector<bool> open(model.predicates().size(), false);
-  open[target.index()] = true;
-  Observation observation =
-      observe(model, evidence, truth, open, all_atoms(model, target), set.weights, limits, monitor);
+  Observation observation = observe(model, evidence, truth, opened(model, {&target, 1}), all_atoms(model, target),
+                                    set.weights, limits, monitor);
   if (!observation.result) return {std::nullopt, {observation.termination, observation.message}};
 
   PredictionTask task;

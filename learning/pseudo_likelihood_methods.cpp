@@ -43,13 +43,9 @@ std::vector<std::vector<std::uint32_t>> joint_blocks(const Model& model, const G
 TrainingProblem count(const TrainingSet& set, const Evidence& evidence, const std::vector<OpenGroup>& groups,
                       const LearningOptions& options, const StopCondition& stop, ConditionalCounts& counts) {
   const TrueAtoms truth(set.model, evidence);
-  GroundingOptions limits;
-  limits.max_memory = options.max_memory;
   for (const OpenGroup& group : groups) {
-    std::vector<bool> open(set.model.predicates().size(), false);
-    for (const PredicateId p : group.predicates) open[p.index()] = true;
-    limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
-    Observation observation = observe(set.model, evidence, truth, open, {}, set.weights, limits, stop.monitor());
+    const Observation observation =
+        observe_within_limits(set, evidence, truth, opened(set.model, group.predicates), options, stop);
     if (!observation.result) return {observation.termination, observation.message};
     const GroundNetwork& network = observation.result->network;
     const auto blocks = group.joint ? joint_blocks(set.model, network) : std::vector<std::vector<std::uint32_t>>{};

@@ -188,19 +188,14 @@ PreparedOrProblem prepare_mcsat(const TrainingSet& set, const LearningOptions& o
   inference.search_gap = options.search_gap;
   inference.seed = options.seed;
   if (std::string bad = validate(inference); !bad.empty()) return {nullptr, {Termination::kRefused, std::move(bad)}};
-  std::vector<bool> open(set.mentioned.size(), false);
-  for (const PredicateId p : options.discriminative) open[p.index()] = true;
+  const std::vector<bool> open = opened(set.model, options.discriminative);
   std::vector<std::optional<SampledDatabase>> made(set.databases.size());
   std::vector<SampledDatabase> all;
   TrainingProblem problem = for_each_database(
       set.databases.size(), options.threads, stop, "counting",
       [&](std::size_t d) -> TrainingProblem {
-        GroundingOptions limits;
-        limits.max_memory = options.max_memory;
-        limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
         const TrueAtoms truth(set.model, set.databases[d]);
-        Observation observation =
-            observe(set.model, set.databases[d], truth, open, {}, set.weights, limits, stop.monitor());
+        Observation observation = observe_within_limits(set, set.databases[d], truth, open, options, stop);
         if (!observation.result) return {observation.termination, observation.message};
         made[d] = make_database(std::move(*observation.result));
         return {};

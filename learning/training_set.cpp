@@ -18,6 +18,21 @@ TrainingSet::TrainingSet(const Model& given, std::span<const Evidence> given_dat
   for (const Evidence& evidence : given_databases) databases.push_back(renumbered(evidence, given, model));
 }
 
+std::vector<bool> opened(const Model& model, std::span<const PredicateId> predicates) {
+  std::vector<bool> open(model.predicates().size(), false);
+  for (const PredicateId p : predicates) open[p.index()] = true;
+  return open;
+}
+
+Observation observe_within_limits(const TrainingSet& set, const Evidence& evidence, const TrueAtoms& truth,
+                                  const std::vector<bool>& open, const LearningOptions& options,
+                                  const StopCondition& stop) {
+  GroundingOptions limits;
+  limits.max_memory = options.max_memory;
+  limits.max_seconds = std::max(0.0, stop.max_seconds() - stop.seconds());
+  return observe(set.model, evidence, truth, open, {}, set.weights, limits, stop.monitor());
+}
+
 std::string target_warning(const TrainingSet& set, PredicateId target) {
   std::size_t without = 0, first = 0;
   for (std::size_t d = set.databases.size(); d-- > 0;) {

@@ -20,6 +20,14 @@ struct TrainingSet {
   TrainingSet(const Model& given, std::span<const Evidence> given_databases);
 };
 
+// By predicate: whether it is among these.
+std::vector<bool> opened(const Model& model, std::span<const PredicateId> predicates);
+
+// observe() with the time and memory that the options leave. `truth`: of that evidence.
+Observation observe_within_limits(const TrainingSet& set, const Evidence& evidence, const TrueAtoms& truth,
+                                  const std::vector<bool>& open, const LearningOptions& options,
+                                  const StopCondition& stop);
+
 // Where databases state no true atom of a predicate that is to be predicted: a sentence that says how many; else nothing.
 std::string target_warning(const TrainingSet& set, PredicateId target);
 

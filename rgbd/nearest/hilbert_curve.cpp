@@ -94,4 +94,14 @@ HilbertMap make_hilbert_map(std::int32_t width, std::int32_t height) {
   return map;
 }
 
+bool order_along_curve(const HilbertMap& map, std::span<const Pixel> keypoints, std::vector<std::uint64_t>& order) {
+  if (!std::ranges::all_of(keypoints, [&](Pixel p) { return map.contains(p); })) return false;
+  order.clear();
+  for (std::size_t k = 0; k < keypoints.size(); ++k) {
+    order.push_back(std::uint64_t{map.index(keypoints[k])} << 32 | k);
+  }
+  std::ranges::sort(order);
+  return true;
+}
+
 }  // namespace sherlog::rgbd

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace sherlog::rgbd {
@@ -43,5 +44,8 @@ struct HilbertMap {
 
 // Requires 1 <= width, height <= kLargestImageSide.
 HilbertMap make_hilbert_map(std::int32_t width, std::int32_t height);
+
+// Keypoints in the order of the curve: index on the curve << 32 | number. False, and nothing is changed: one lies outside.
+bool order_along_curve(const HilbertMap& map, std::span<const Pixel> keypoints, std::vector<std::uint64_t>& order);
 
 }  // namespace sherlog::rgbd

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace sherlog::rgbd {
 
@@ -9,13 +10,10 @@ KeypointQueue::KeypointQueue(const HilbertMap& map)
     : map_(map), occupied_(std::max(2 * map.order, 1u)), first_(map.cell_count()) {}
 
 bool KeypointQueue::assign(std::span<const Pixel> keypoints) {
-  if (!std::ranges::all_of(keypoints, [&](Pixel p) { return map_.contains(p); })) return false;
+  std::vector<std::uint64_t> order;
+  if (!order_along_curve(map_, keypoints, order)) return false;
   for (const std::uint64_t entry : sorted_) occupied_.erase(static_cast<std::uint32_t>(entry >> 32));
-  sorted_.clear();
-  for (std::size_t k = 0; k < keypoints.size(); ++k) {
-    sorted_.push_back(std::uint64_t{map_.index(keypoints[k])} << 32 | k);
-  }
-  std::ranges::sort(sorted_);
+  sorted_ = std::move(order);
   for (std::size_t i = sorted_.size(); i-- > 0;) {
     const auto index = static_cast<std::uint32_t>(sorted_[i] >> 32);
     first_[index] = static_cast<std::uint32_t>(i);

@@ -5,13 +5,7 @@
 namespace sherlog::rgbd {
 
 bool NearestMap::assign(std::span<const Pixel> keypoints) {
-  if (keypoints.empty()) return false;
-  if (!std::ranges::all_of(keypoints, [&](Pixel p) { return map_.contains(p); })) return false;
-  sorted_.clear();
-  for (std::size_t k = 0; k < keypoints.size(); ++k) {
-    sorted_.push_back(std::uint64_t{map_.index(keypoints[k])} << 32 | k);
-  }
-  std::ranges::sort(sorted_);
+  if (keypoints.empty() || !order_along_curve(map_, keypoints, sorted_)) return false;
   const auto index = [&](std::size_t k) { return sorted_[k] >> 32; };
   const auto last = std::ranges::unique(sorted_, {}, [](std::uint64_t entry) { return entry >> 32; });
   sorted_.erase(last.begin(), last.end());
