@@ -13,7 +13,7 @@
 namespace sherlog::cli {
 namespace {
 
-struct Arguments {
+struct LearnArguments {
   Options options;
   LearningArguments learning;
   std::string output;
@@ -49,7 +49,7 @@ std::string databases_text(const LearningResult& result) {
 }
 
 // What the output file says of itself.
-std::string provenance(const LearningResult& result, const Arguments& arguments) {
+std::string provenance(const LearningResult& result, const LearnArguments& arguments) {
   std::string text = fmt::format("Weights learned by sherlog {}: method {}\n", SHERLOG_VERSION, result.method);
   text += fmt::format("model: {}\n", fmt::join(arguments.options.models, ", "));
   text += fmt::format("data: {} ({})\n", fmt::join(arguments.learning.training, ", "), databases_text(result));
@@ -104,7 +104,7 @@ Json learn_json(const LearningResult& result) {
   return json;
 }
 
-std::string learn_text(const LearningResult& result, const Arguments& arguments) {
+std::string learn_text(const LearningResult& result, const LearnArguments& arguments) {
   if (!has_weights(result)) return "";  // what is wrong has been said
   std::string text = fmt::format("method {}: {} weights from {}; {} ({:.3f} s)\n", result.method, result.weights.size(),
                                  databases_text(result), to_string(result.termination), result.seconds.total);
@@ -132,7 +132,7 @@ std::string learn_text(const LearningResult& result, const Arguments& arguments)
   return text;
 }
 
-int learn_and_write(Session& session, const Arguments& arguments) {
+int learn_and_write(Session& session, const LearnArguments& arguments) {
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto options = learning_options(session, *model, arguments.learning);
@@ -160,7 +160,7 @@ int learn_and_write(Session& session, const Arguments& arguments) {
   return session.finish(exit_code(result.termination), text, [&] { return to_text(learn_json(result)); });
 }
 
-int run_learn(const Arguments& arguments) {
+int run_learn(const LearnArguments& arguments) {
   Session session(arguments.options);
   if (!session.check_options({arguments.output}, arguments.learning.training)) return kBadInput;
   return session.run("sherlog.learn/1", [&] { return learn_and_write(session, arguments); });
@@ -169,7 +169,7 @@ int run_learn(const Arguments& arguments) {
 }  // namespace
 
 void add_learn(CLI::App& app, Action& action) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<LearnArguments>();
   CLI::App* command = app.add_subcommand("learn", "The weights of a model from training databases");
   add_model_options(*command, arguments->options);
   add_training_options(*command, arguments->learning, arguments->options);

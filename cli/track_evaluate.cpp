@@ -14,7 +14,7 @@
 namespace sherlog::cli {
 namespace {
 
-struct Arguments {
+struct EvaluateArguments {
   Options options;
   TrackOptions track;
   std::vector<double> noises = {0.025, 0.05, 0.075, 0.1};
@@ -106,7 +106,7 @@ Json evaluation_json(const TrackEvaluation& e, const TrackRunResult& result, dou
 // One matcher for each name; those that do not depend on the number of actions are kept from cell to cell of one noise.
 class Matchers {
  public:
-  Matchers(Session& session, const Arguments& arguments)
+  Matchers(Session& session, const EvaluateArguments& arguments)
       : session_(session), track_(arguments.track), names_(arguments.matchers), kept_(names_.size()) {}
 
   bool prepare(const FourTablesConfig& config) {
@@ -139,7 +139,7 @@ class Matchers {
 // Every cell's trials have a seed of their own, the same for all matchers.
 std::uint64_t cell_seed(std::uint64_t seed, std::size_t cell) { return seed * 1000 + cell + 1; }
 
-TrackRunResult run_cells(Session& session, const Arguments& arguments, const FourTablesConfig& config,
+TrackRunResult run_cells(Session& session, const EvaluateArguments& arguments, const FourTablesConfig& config,
                          TrackEvaluation& e, bool& good) {
   Matchers matchers(session, arguments);
   TrackRunResult result;
@@ -177,7 +177,7 @@ TrackRunResult run_cells(Session& session, const Arguments& arguments, const Fou
   return result;
 }
 
-int evaluate(Session& session, const Arguments& arguments) {
+int evaluate(Session& session, const EvaluateArguments& arguments) {
   const auto config = read_config(session, arguments.track);
   if (!config) return kBadInput;
   for (const double noise : arguments.noises) {
@@ -216,7 +216,7 @@ int evaluate(Session& session, const Arguments& arguments) {
                         [&] { return to_text(evaluation_json(e, result, seconds)); });
 }
 
-int run_evaluate(const Arguments& arguments) {
+int run_evaluate(const EvaluateArguments& arguments) {
   Session session(arguments.options);
   std::vector<std::string> outputs;
   for (const std::string* path : {&arguments.csv, &arguments.svg, &arguments.html}) {
@@ -229,7 +229,7 @@ int run_evaluate(const Arguments& arguments) {
 }  // namespace
 
 void add_track_evaluate(CLI::App& track, Action& action) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<EvaluateArguments>();
   CLI::App* command =
       track.add_subcommand("evaluate", "Success rates over noise and actions (Fig. 10), models next to baselines");
   add_world_file_options(*command, arguments->track);

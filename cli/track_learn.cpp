@@ -13,7 +13,7 @@
 namespace sherlog::cli {
 namespace {
 
-struct Arguments {
+struct TrackLearnArguments {
   Options options;
   TrackOptions track;
   std::string output, method = "dpll";
@@ -22,7 +22,7 @@ struct Arguments {
 constexpr std::array<const char*, 6> kNames = {"stay",     "move",          "newview",
                                                "appeared", "gone, in view", "unmatched, out of view"};
 
-int learn(Session& session, const Arguments& arguments) {
+int learn(Session& session, const TrackLearnArguments& arguments) {
   const auto config = read_config(session, arguments.track);
   if (!config) return kBadInput;
   IdentityTraining training = identity_training(session, arguments.track, *config);
@@ -59,7 +59,7 @@ int learn(Session& session, const Arguments& arguments) {
   });
 }
 
-int run_learn(const Arguments& arguments) {
+int run_learn(const TrackLearnArguments& arguments) {
   Session session(arguments.options);
   if (!session.check_options({arguments.output})) return kBadInput;
   return session.run("sherlog.track.learn/1", [&] { return learn(session, arguments); });
@@ -68,7 +68,7 @@ int run_learn(const Arguments& arguments) {
 }  // namespace
 
 void add_track_learn(CLI::App& track, Action& action) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<TrackLearnArguments>();
   CLI::App* command = track.add_subcommand(
       "learn", "How often things happen and how exact the sensor is, learned from simulated training trials");
   add_world_file_options(*command, arguments->track);

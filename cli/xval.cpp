@@ -16,7 +16,7 @@
 namespace sherlog::cli {
 namespace {
 
-struct Arguments {
+struct XvalArguments {
   Options options;  // its method is that of inference
   LearningArguments learning;
   std::uint32_t folds = 5;
@@ -27,7 +27,7 @@ struct Arguments {
   std::string csv, latex, svg, html, predictions;
 };
 
-std::vector<std::string> outputs(const Arguments& arguments) {
+std::vector<std::string> outputs(const XvalArguments& arguments) {
   std::vector<std::string> files;
   for (const std::string* path :
        {&arguments.csv, &arguments.latex, &arguments.svg, &arguments.html, &arguments.predictions}) {
@@ -36,7 +36,7 @@ std::vector<std::string> outputs(const Arguments& arguments) {
   return files;
 }
 
-std::vector<std::string> inputs(const Arguments& arguments) {
+std::vector<std::string> inputs(const XvalArguments& arguments) {
   std::vector<std::string> files = arguments.learning.training;
   if (!arguments.fold_file.empty()) files.push_back(arguments.fold_file);
   return files;
@@ -178,7 +178,7 @@ std::string predictions_csv(const CrossValidationResult& result) {
   return text;
 }
 
-bool write_reports(Session& session, const Arguments& arguments, const CrossValidationResult& result) {
+bool write_reports(Session& session, const XvalArguments& arguments, const CrossValidationResult& result) {
   const auto write = [&](const std::string& path, const auto& make) {
     if (path.empty()) return true;
     const auto problem = write_to(path, make());
@@ -193,7 +193,7 @@ bool write_reports(Session& session, const Arguments& arguments, const CrossVali
          write(arguments.predictions, [&] { return predictions_csv(result); });
 }
 
-int validate_and_write(Session& session, const Arguments& arguments) {
+int validate_and_write(Session& session, const XvalArguments& arguments) {
   if (arguments.options.queries.size() != 1) {
     return session.error("name the one predicate that is to be predicted with -q"), kBadInput;
   }
@@ -240,7 +240,7 @@ int validate_and_write(Session& session, const Arguments& arguments) {
   return session.finish(exit_code(result.termination), xval_text(result), [&] { return to_text(xval_json(result)); });
 }
 
-int run_xval(const Arguments& arguments) {
+int run_xval(const XvalArguments& arguments) {
   Session session(arguments.options);
   if (!session.check_options(outputs(arguments), inputs(arguments))) return kBadInput;
   return session.run("sherlog.xval/1", [&] { return validate_and_write(session, arguments); });
@@ -249,7 +249,7 @@ int run_xval(const Arguments& arguments) {
 }  // namespace
 
 void add_xval(CLI::App& app, Action& action) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<XvalArguments>();
   CLI::App* command = app.add_subcommand("xval", "How well a model predicts databases it was not trained on");
   add_model_options(*command, arguments->options);
   add_training_options(*command, arguments->learning, arguments->options);

@@ -92,7 +92,7 @@ Question random_question(std::mt19937_64& random, std::uint32_t variables) {
   return question;
 }
 
-InformationOptions exact() {
+InformationOptions exact_questions() {
   InformationOptions options;
   options.inference.method = "exact";
   return options;
@@ -105,7 +105,7 @@ TEST(Information, EqualsTheSumOverAllWorlds) {
   for (int trial = 0; trial < 150; ++trial) {
     const Question question = random_question(random, 7);
     const double expected = information(question.network, question.queried, question.outcome);
-    const Information found = expected_information(question.network, question.outcome, exact(), monitor);
+    const Information found = expected_information(question.network, question.outcome, exact_questions(), monitor);
     ASSERT_EQ(found.termination, Termination::kCompleted) << found.message;
     EXPECT_NEAR(found.expected_drop, expected, 1e-8) << "trial " << trial;
     EXPECT_GE(found.expected_drop, 0.0);
@@ -132,7 +132,7 @@ TEST(Information, HiddenVariablesMayJoinTheFrontier) {
   }
   builder.add_query({atom(asked), false, ""});
   Monitor monitor;
-  const Information found = expected_information(builder.build(), outcome, exact(), monitor);
+  const Information found = expected_information(builder.build(), outcome, exact_questions(), monitor);
   ASSERT_EQ(found.termination, Termination::kCompleted) << found.message;
   EXPECT_EQ(found.outcomes, 41u);  // only how many are true matters
   // Forty looks leave no doubt about Hidden: what remains is the entropy of Asked given it, with p = e / (1 + e).
@@ -146,7 +146,7 @@ TEST(Information, DrawsAreWithinTheirErrorAndNeverNegative) {
   int drawn = 0;
   for (int trial = 0; trial < 60; ++trial) {
     const Question question = random_question(random, 6);
-    InformationOptions options = exact();
+    InformationOptions options = exact_questions();
     options.max_outcomes = 1;
     options.draws = 4000;
     const Information found = expected_information(question.network, question.outcome, options, monitor);
@@ -172,7 +172,7 @@ TEST(Information, OutcomeThatSaysNothingIsWorthNothing) {
   builder.add_query({Literal::atom(builder.first_atom(asked)), false, ""});
   Monitor monitor;
   const std::vector<VariableId> outcome{seen};
-  const Information found = expected_information(builder.build(), outcome, exact(), monitor);
+  const Information found = expected_information(builder.build(), outcome, exact_questions(), monitor);
   EXPECT_EQ(found.termination, Termination::kCompleted);
   EXPECT_EQ(found.expected_drop, 0.0);
   EXPECT_EQ(found.outcomes, 1u);
@@ -185,14 +185,14 @@ TEST(Information, WhatCannotBeAnsweredIsRefused) {
     const VariableId asked = builder.add_boolean();
     builder.add_query({Literal::atom(builder.first_atom(asked)), false, ""});
     const std::vector<VariableId> outcome{asked};
-    EXPECT_EQ(expected_information(builder.build(), outcome, exact(), monitor).termination, Termination::kRefused);
+    EXPECT_EQ(expected_information(builder.build(), outcome, exact_questions(), monitor).termination, Termination::kRefused);
   }
   {
     NetworkBuilder builder;
     const VariableId asked = builder.add_boolean(), seen = builder.add_boolean();
     builder.add_query({Literal::atom(builder.first_atom(asked)), true, "X0"});
     const std::vector<VariableId> outcome{seen};
-    EXPECT_EQ(expected_information(builder.build(), outcome, exact(), monitor).termination, Termination::kRefused);
+    EXPECT_EQ(expected_information(builder.build(), outcome, exact_questions(), monitor).termination, Termination::kRefused);
   }
   {
     // One outcome that is tied to fifteen asked booleans by one formula: 2^15 joint values.
@@ -205,7 +205,7 @@ TEST(Information, WhatCannotBeAnsweredIsRefused) {
     }
     builder.add_feature(builder.make_or(inputs), 1.0, builder.add_weight({FormulaId(0), {}, 1.0}));
     const std::vector<VariableId> outcome{seen};
-    const Information found = expected_information(builder.build(), outcome, exact(), monitor);
+    const Information found = expected_information(builder.build(), outcome, exact_questions(), monitor);
     EXPECT_EQ(found.termination, Termination::kTooWide);
     EXPECT_FALSE(found.message.empty());
   }
@@ -217,7 +217,7 @@ TEST(QueryEntropy, EqualsTheSumOverAllWorlds) {
   int joint = 0;
   for (int trial = 0; trial < 60; ++trial) {
     const Question question = random_question(random, 6);
-    const QueryEntropy found = query_entropy(question.network, exact().inference, monitor);
+    const QueryEntropy found = query_entropy(question.network, exact_questions().inference, monitor);
     ASSERT_EQ(found.termination, Termination::kCompleted) << found.message;
     double marginal = 0;
     for (const VariableId v : question.queried) marginal += entropy(question.network, {v});
@@ -241,7 +241,7 @@ TEST(QueryEntropy, EqualsTheSumOverAllWorlds) {
     builder.add_feature(builder.make_or(inputs), weight, builder.add_weight({FormulaId(0), {}, weight}));
   }
   const GroundNetwork network = builder.build();
-  const QueryEntropy found = query_entropy(network, exact().inference, monitor);
+  const QueryEntropy found = query_entropy(network, exact_questions().inference, monitor);
   ASSERT_TRUE(found.joint);
   EXPECT_NEAR(*found.joint, entropy(network, all), 1e-7);
   EXPECT_LT(*found.joint, found.marginal);

@@ -5,17 +5,10 @@
 #include <vector>
 
 #include "tests/oracles/enumeration.h"
+#include "tests/support/networks.h"
 
 namespace sherlog {
 namespace {
-
-Literal boolean(NetworkBuilder& builder) { return Literal::atom(builder.first_atom(builder.add_boolean())); }
-
-std::vector<ComponentId> all_components(const GroundNetwork& network) {
-  std::vector<ComponentId> all;
-  for (std::size_t c = 0; c < network.component_count(); ++c) all.push_back(ComponentId(c));
-  return all;
-}
 
 TEST(MapReduction, PureAtomsAreDecided) {
   // a => b and b are wanted, a is not: everything has its way.

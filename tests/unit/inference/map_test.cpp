@@ -9,15 +9,10 @@
 #include <vector>
 
 #include "tests/oracles/enumeration.h"
+#include "tests/support/networks.h"
 
 namespace sherlog {
 namespace {
-
-std::vector<ComponentId> all_components(const GroundNetwork& network) {
-  std::vector<ComponentId> all;
-  for (std::size_t c = 0; c < network.component_count(); ++c) all.push_back(ComponentId(c));
-  return all;
-}
 
 MethodResult run(const GroundNetwork& network, const InferenceOptions& options = {}, std::span<const double> bias = {},
                  double max_seconds = std::numeric_limits<double>::infinity()) {
