@@ -27,15 +27,16 @@ struct GroundingOptions {
   SoftEvidence soft_evidence = SoftEvidence::kVirtual;
   std::size_t max_memory = std::numeric_limits<std::size_t>::max();  // bytes, for the network and what makes it
   double max_seconds = std::numeric_limits<double>::infinity();
-  double dense_atoms = 1 << 20;    // a predicate with at most so many ground atoms has a cell for each, others a hash table
+  double dense_atoms =
+      1 << 20;  // a predicate with at most so many ground atoms has a cell for each, others a hash table
   bool keep_zero_weights = false;  // learning counts them; inference has no use for them
 };
 
 // How much work one formula was.
 struct FormulaGrounding {
   FormulaId formula;
-  double groundings = 0;     // product of its domains (per template instance summed)
-  std::uint64_t joined = 0;  // visited: those that the evidence does not decide at a glance
+  double groundings = 0;       // product of its domains (per template instance summed)
+  std::uint64_t joined = 0;    // visited: those that the evidence does not decide at a glance
   std::uint64_t features = 0;  // ground features or constraints made of it, after merging
   double seconds = 0;
 };
@@ -49,7 +50,7 @@ struct Conflict {
     bool is_formula = false;
   };
   std::vector<Item> items;
-  std::string sentence;  // e.g. "the evidence contradicts a hard formula"
+  std::string sentence;                                            // e.g. "the evidence contradicts a hard formula"
   std::shared_ptr<const Sources> model_sources, evidence_sources;  // for items that are formulas / evidence
 };
 
@@ -62,7 +63,7 @@ struct GroundingResult {
   double seconds = 0;
 };
 
-GroundingResult ground(const Model& model, const Evidence& evidence, const Query& query, const GroundingOptions& options,
-                       Monitor& monitor);
+GroundingResult ground(const Model& model, const Evidence& evidence, const Query& query,
+                       const GroundingOptions& options, Monitor& monitor);
 
 }  // namespace sherlog

@@ -67,7 +67,8 @@ std::string GroundNetwork::atom_text(AtomId a) const {
 
 namespace {
 
-void append_literal(const GroundNetwork& network, Literal literal, std::size_t max_length, bool nested, std::string& out) {
+void append_literal(const GroundNetwork& network, Literal literal, std::size_t max_length, bool nested,
+                    std::string& out) {
   if (out.size() > max_length) return;
   if (literal.is_constant()) {
     out += literal == Literal::constant(true) ? "true" : "false";
@@ -134,10 +135,10 @@ std::span<const std::uint32_t> GroundNetwork::component_queries(ComponentId c) c
 std::size_t GroundNetwork::memory_bytes() const {
   return bytes_of(first_atom_) + has_none_.capacity() / 8 + bytes_of(atom_variable_) + bytes_of(atom_predicate_) +
          bytes_of(atom_arguments_start_) + bytes_of(atom_arguments_) + bytes_of(gate_kind_) + bytes_of(gate_start_) +
-         bytes_of(gate_inputs_) + bytes_of(features_) + bytes_of(constraints_) + bytes_of(weights_) + bytes_of(binding_start_) +
-         bytes_of(bindings_) + bytes_of(queries_) + bytes_of(soft_targets_) + bytes_of(variable_component_) +
-         bytes_of(component_variables_) + bytes_of(component_features_) + bytes_of(component_constraints_) +
-         bytes_of(component_queries_);
+         bytes_of(gate_inputs_) + bytes_of(features_) + bytes_of(constraints_) + bytes_of(weights_) +
+         bytes_of(binding_start_) + bytes_of(bindings_) + bytes_of(queries_) + bytes_of(soft_targets_) +
+         bytes_of(variable_component_) + bytes_of(component_variables_) + bytes_of(component_features_) +
+         bytes_of(component_constraints_) + bytes_of(component_queries_);
 }
 
 GroundNetwork reweighted(const GroundNetwork& network, std::span<const double> weight_by_id) {
@@ -166,8 +167,8 @@ NetworkBuilder::NetworkBuilder(const GroundNetwork& network) : network_(network)
   // Features and constraints are looked up only against new ones: what was merged before stays as it is.
 }
 
-VariableId NetworkBuilder::add_variable(PredicateId predicate, std::span<const ConstantIndex> arguments, std::uint32_t count,
-                                        bool has_none) {
+VariableId NetworkBuilder::add_variable(PredicateId predicate, std::span<const ConstantIndex> arguments,
+                                        std::uint32_t count, bool has_none) {
   const VariableId variable(network_.variable_count());
   const std::size_t arity = count == 0 ? 0 : arguments.size() / count;
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -314,7 +315,8 @@ std::uint32_t NetworkBuilder::store_binding(std::span<const ConstantIndex> bindi
   return static_cast<std::uint32_t>(n.binding_start_.size() - 2);
 }
 
-void NetworkBuilder::add_feature(Literal literal, double weight, WeightId weight_id, std::span<const ConstantIndex> binding) {
+void NetworkBuilder::add_feature(Literal literal, double weight, WeightId weight_id,
+                                 std::span<const ConstantIndex> binding) {
   auto& n = network_;
   if (literal.is_constant()) {
     if (literal == Literal::constant(true)) n.constant_score_ += weight;

@@ -28,8 +28,12 @@ namespace sherlog {
 class Literal {
  public:
   constexpr Literal() = default;
-  static constexpr Literal atom(AtomId atom, bool negated = false) { return Literal(atom.value << 2 | (negated ? 1u : 0u)); }
-  static constexpr Literal gate(GateId gate, bool negated = false) { return Literal(gate.value << 2 | 2u | (negated ? 1u : 0u)); }
+  static constexpr Literal atom(AtomId atom, bool negated = false) {
+    return Literal(atom.value << 2 | (negated ? 1u : 0u));
+  }
+  static constexpr Literal gate(GateId gate, bool negated = false) {
+    return Literal(gate.value << 2 | 2u | (negated ? 1u : 0u));
+  }
   static constexpr Literal constant(bool value) { return Literal(value ? kTrueCode : kTrueCode | 1u); }
   static constexpr Literal from_code(std::uint32_t code) { return Literal(code); }
 
@@ -60,9 +64,12 @@ enum class GateKind : std::uint8_t {
 // Whether a gate of this kind is true with so many true inputs.
 constexpr bool gate_truth(GateKind kind, std::uint32_t true_inputs) {
   switch (kind) {
-    case GateKind::kOr: return true_inputs > 0;
-    case GateKind::kIff: return true_inputs != 1;
-    case GateKind::kAtMostOne: return true_inputs <= 1;
+    case GateKind::kOr:
+      return true_inputs > 0;
+    case GateKind::kIff:
+      return true_inputs != 1;
+    case GateKind::kAtMostOne:
+      return true_inputs <= 1;
   }
   return false;
 }
@@ -71,11 +78,11 @@ inline constexpr std::uint32_t kNoBinding = 0xffffffffu;
 
 // `weight` is added where `literal` is true. Merged from `count` equal ground formulas of one weight.
 struct Feature {
-  Literal literal;             // unnegated atom or gate (a negated one was turned round into constant_score)
-  double weight = 0.0;         // nats; count times the formula's weight, with its sign turned where the literal was
-  WeightId weight_id;          // whose ground formula it is; kVirtualEvidence for soft evidence
+  Literal literal;      // unnegated atom or gate (a negated one was turned round into constant_score)
+  double weight = 0.0;  // nats; count times the formula's weight, with its sign turned where the literal was
+  WeightId weight_id;   // whose ground formula it is; kVirtualEvidence for soft evidence
   std::uint32_t count = 1;
-  bool turned = false;         // the ground formula is the negation of `literal`
+  bool turned = false;                 // the ground formula is the negation of `literal`
   std::uint32_t binding = kNoBinding;  // of one of them, see GroundNetwork::binding
 };
 inline constexpr WeightId kVirtualEvidence{0xffffffffu};
@@ -196,8 +203,8 @@ class GroundNetwork {
   double grounding_count_ = 0.0;
   std::size_t evidence_atom_count_ = 0;
   std::vector<std::uint32_t> variable_component_;
-  std::vector<std::uint32_t> component_variables_start_{0}, component_features_start_{0}, component_constraints_start_{0},
-      component_queries_start_{0};
+  std::vector<std::uint32_t> component_variables_start_{0}, component_features_start_{0},
+      component_constraints_start_{0}, component_queries_start_{0};
   std::vector<VariableId> component_variables_;
   std::vector<std::uint32_t> component_features_, component_constraints_, component_queries_;
   NameTable names_;
@@ -217,7 +224,8 @@ class NetworkBuilder {
   explicit NetworkBuilder(const GroundNetwork& network);
 
   // `arguments`: the candidates' arguments, one candidate after the other (count * arity constants).
-  VariableId add_variable(PredicateId predicate, std::span<const ConstantIndex> arguments, std::uint32_t count, bool has_none);
+  VariableId add_variable(PredicateId predicate, std::span<const ConstantIndex> arguments, std::uint32_t count,
+                          bool has_none);
   // A boolean atom or block without a name, for tests: shown as "X0", "X1(0)", ...
   VariableId add_boolean() { return add_anonymous(1, true); }
   VariableId add_anonymous(std::uint32_t candidates, bool has_none);

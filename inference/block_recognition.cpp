@@ -8,9 +8,7 @@ namespace {
 
 constexpr std::uint32_t kNoGroup = 0xffffffffu;
 
-std::uint64_t pair_key(AtomId a, AtomId b) {
-  return std::uint64_t{std::min(a, b).value} << 32 | std::max(a, b).value;
-}
+std::uint64_t pair_key(AtomId a, AtomId b) { return std::uint64_t{std::min(a, b).value} << 32 | std::max(a, b).value; }
 
 // Groups of atoms of which hard clauses demand exactly one.
 class Recognition {
@@ -34,7 +32,8 @@ class Recognition {
     for (const Constraint& c : network_.constraints()) {
       if (!builder.add_constraint(renamed(c.literal), c.formula)) result.possible = false;
     }
-    for (const QueryTarget& q : network_.queries()) builder.add_query({renamed(q.literal), q.is_formula, q.formula_text});
+    for (const QueryTarget& q : network_.queries())
+      builder.add_query({renamed(q.literal), q.is_formula, q.formula_text});
     result.network = builder.build();
     return result;
   }
@@ -48,7 +47,8 @@ class Recognition {
 
   void collect_exclusions() {
     for (const Constraint& c : network_.constraints()) {
-      if (!c.literal.is_gate() || c.literal.negated() || network_.gate_kind(c.literal.gate()) != GateKind::kOr) continue;
+      if (!c.literal.is_gate() || c.literal.negated() || network_.gate_kind(c.literal.gate()) != GateKind::kOr)
+        continue;
       const auto inputs = network_.gate_inputs(c.literal.gate());
       if (inputs.size() != 2 || !inputs[0].negated() || !inputs[1].negated()) continue;
       if (boolean(inputs[0]) && boolean(inputs[1])) excluded_.insert(pair_key(inputs[0].atom(), inputs[1].atom()));
@@ -91,8 +91,8 @@ class Recognition {
         const auto own = network_.arguments_of(a);
         arguments.insert(arguments.end(), own.begin(), own.end());
       }
-      const VariableId added =
-          builder.add_variable(network_.predicate_of(first), arguments, static_cast<std::uint32_t>(candidates.size()), has_none);
+      const VariableId added = builder.add_variable(network_.predicate_of(first), arguments,
+                                                    static_cast<std::uint32_t>(candidates.size()), has_none);
       for (std::uint32_t i = 0; i < candidates.size(); ++i) {
         atom[candidates[i].index()] = AtomId(builder.first_atom(added).value + i);
       }
@@ -113,9 +113,15 @@ class Recognition {
       inputs.clear();
       for (Literal input : network_.gate_inputs(GateId(g))) inputs.push_back(rename(input, atom, gates));
       switch (network_.gate_kind(GateId(g))) {
-        case GateKind::kOr: gates.push_back(builder.make_or(inputs)); break;
-        case GateKind::kIff: gates.push_back(builder.make_iff(inputs[0], inputs[1])); break;
-        case GateKind::kAtMostOne: gates.push_back(builder.make_at_most_one(inputs)); break;
+        case GateKind::kOr:
+          gates.push_back(builder.make_or(inputs));
+          break;
+        case GateKind::kIff:
+          gates.push_back(builder.make_iff(inputs[0], inputs[1]));
+          break;
+        case GateKind::kAtMostOne:
+          gates.push_back(builder.make_at_most_one(inputs));
+          break;
       }
     }
     return gates;

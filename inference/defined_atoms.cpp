@@ -11,7 +11,8 @@ void DefinedAtoms::collapse(WorldIndex& index, std::span<const VariableId> varia
   for (VariableId v : variables) {
     const AtomId atom = network.first_atom(v);
     if (network.candidate_count(v) != 1 || !network.has_none(v)) continue;
-    if (index.weight(atom.value) != 0.0 || index.demand(atom.value) != 0 || index.uses(atom.value).size() != 1) continue;
+    if (index.weight(atom.value) != 0.0 || index.demand(atom.value) != 0 || index.uses(atom.value).size() != 1)
+      continue;
     const std::uint32_t gate = index.uses(atom.value).front().gate;
     const std::uint32_t node = index.gate_node(gate);
     if (consumed[gate] || network.gate_kind(GateId(gate)) != GateKind::kIff || !index.uses(node).empty()) continue;

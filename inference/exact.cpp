@@ -338,7 +338,8 @@ bool search_is_cheap(const GroundNetwork& network, ComponentId component, const 
   const PreparedComponent prepared =
       prepare_component(network, component, options, {atom_bias, true, options.max_memory});
   return to_be_searched(prepared, options) &&
-         bounded_search(prepared.graph, kCheapSearchSteps, options.search_gap, stop).termination == Termination::kCompleted;
+         bounded_search(prepared.graph, kCheapSearchSteps, options.search_gap, stop).termination ==
+             Termination::kCompleted;
 }
 
 }  // namespace sherlog

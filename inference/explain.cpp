@@ -1,17 +1,18 @@
 #include "inference/explain.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
-#include <fmt/format.h>
-
 namespace sherlog {
 namespace {
 
 constexpr std::uint32_t kNone = 0xffffffffu;
-constexpr std::size_t kMaxConstraintsLeftOut = 32;  // each costs two runs; beyond the nearest few the influence is small
+constexpr std::size_t kMaxConstraintsLeftOut =
+    32;  // each costs two runs; beyond the nearest few the influence is small
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // The target's component once more, with the target held at one value and maybe one constraint less. A constraint of the copy
@@ -60,7 +61,8 @@ class ComponentCopy {
   }
 
   // The original's constraints among those of a conflict in the copy.
-  static std::vector<std::uint32_t> original_constraints(const GroundNetwork& copy, const std::vector<std::uint32_t>& conflict) {
+  static std::vector<std::uint32_t> original_constraints(const GroundNetwork& copy,
+                                                         const std::vector<std::uint32_t>& conflict) {
     std::vector<std::uint32_t> result;
     for (std::uint32_t c : conflict) {
       const Constraint& constraint = copy.constraints()[c];
@@ -82,7 +84,8 @@ class ComponentCopy {
       const auto of_atom = original_.arguments_of(AtomId(first.value + i));
       arguments.insert(arguments.end(), of_atom.begin(), of_atom.end());
     }
-    const VariableId copy = builder.add_variable(original_.predicate_of(first), arguments, count, original_.has_none(variable));
+    const VariableId copy =
+        builder.add_variable(original_.predicate_of(first), arguments, count, original_.has_none(variable));
     for (std::uint32_t i = 0; i < count; ++i) atoms[first.value + i] = builder.first_atom(copy).value + i;
   }
 
@@ -95,7 +98,7 @@ class ComponentCopy {
       std::vector<Literal> copied;
       for (Literal input : inputs) copied.push_back(mapped(input, atoms, gates));
       gates[g] = original_.gate_kind(GateId(g)) == GateKind::kIff ? builder.make_iff(copied[0], copied[1])
-                                                                   : builder.make_or(copied);
+                                                                  : builder.make_or(copied);
     }
     return gates;
   }
@@ -155,7 +158,8 @@ std::optional<double> log_odds_without(const ComponentCopy& copy, std::uint32_t 
 }
 
 void add_feature_contributions(const GroundNetwork& network, std::span<const std::uint32_t> features,
-                               const InferenceResult& if_true, const InferenceResult& if_false, Explanation& explanation) {
+                               const InferenceResult& if_true, const InferenceResult& if_false,
+                               Explanation& explanation) {
   for (std::size_t i = 0; i < features.size(); ++i) {
     const double weight = network.features()[features[i]].weight;
     const Marginal& p1 = if_true.marginals[i];
@@ -164,7 +168,8 @@ void add_feature_contributions(const GroundNetwork& network, std::span<const std
     contribution.index = features[i];
     contribution.log_odds = log_expectation(p0.probability, weight) - log_expectation(p1.probability, weight);
     if (p1.mcse && p0.mcse) {
-      contribution.mcse = std::hypot(slope(p1.probability, weight) * *p1.mcse, slope(p0.probability, weight) * *p0.mcse);
+      contribution.mcse =
+          std::hypot(slope(p1.probability, weight) * *p1.mcse, slope(p0.probability, weight) * *p0.mcse);
     }
     if (contribution.log_odds != 0.0) explanation.contributions.push_back(contribution);
   }
@@ -240,7 +245,8 @@ std::vector<std::uint32_t> nearest_constraints(const GroundNetwork& network, Lit
     std::vector<std::uint32_t> next;  // reached by this round; seen from the following one on
     for (Factor& factor : factors) {
       if (factor.taken) continue;
-      if (std::none_of(factor.variables.begin(), factor.variables.end(), [&](std::uint32_t v) { return reached[v]; })) continue;
+      if (std::none_of(factor.variables.begin(), factor.variables.end(), [&](std::uint32_t v) { return reached[v]; }))
+        continue;
       factor.taken = true;
       grew = true;
       if (factor.constraint != kNone && result.size() < kMaxConstraintsLeftOut) result.push_back(factor.constraint);
@@ -273,8 +279,9 @@ void explain_decided(bool value, const std::vector<std::uint32_t>& conflict, Exp
 }
 
 void sort_contributions(Explanation& explanation) {
-  std::stable_sort(explanation.contributions.begin(), explanation.contributions.end(),
-                   [](const Contribution& a, const Contribution& b) { return std::abs(a.log_odds) > std::abs(b.log_odds); });
+  std::stable_sort(
+      explanation.contributions.begin(), explanation.contributions.end(),
+      [](const Contribution& a, const Contribution& b) { return std::abs(a.log_odds) > std::abs(b.log_odds); });
 }
 
 }  // namespace
@@ -292,7 +299,8 @@ Explanation explain(const GroundNetwork& network, Literal target, const Inferenc
   }
   const Method* method = find_method(options.method);
   if (method != nullptr && method->finds_map) {
-    return refuse(fmt::format("method '{}' finds the most probable world: use auto, exact, mcsat or gibbs", options.method));
+    return refuse(
+        fmt::format("method '{}' finds the most probable world: use auto, exact, mcsat or gibbs", options.method));
   }
 
   Runner runner(options, monitor);

@@ -45,13 +45,15 @@ class Lifting {
   };
 
   bool pair_clause(std::uint32_t gate) const {
-    return weight_[gate] != 0.0 && network_.gate_kind(GateId(gate)) == GateKind::kOr && network_.gate_inputs(GateId(gate)).size() == 2;
+    return weight_[gate] != 0.0 && network_.gate_kind(GateId(gate)) == GateKind::kOr &&
+           network_.gate_inputs(GateId(gate)).size() == 2;
   }
 
   bool worth_looking() const {
     if (network_.constraints().size() < 3) return false;
     std::size_t clauses = 0;
-    for (std::uint32_t g = 0; g < network_.gate_count() && clauses < kFewestClauses; ++g) clauses += pair_clause(g) ? 1u : 0u;
+    for (std::uint32_t g = 0; g < network_.gate_count() && clauses < kFewestClauses; ++g)
+      clauses += pair_clause(g) ? 1u : 0u;
     return clauses >= kFewestClauses;
   }
 
@@ -64,7 +66,8 @@ class Lifting {
         const AtomId first = network_.first_atom(v.variable);
         const std::uint32_t candidates = network_.candidate_count(v.variable);
         if (v.value == candidates && candidates > 1) continue;  // "none" of a block is no literal
-        const Literal literal = v.value < candidates ? Literal::atom(AtomId(first.value + v.value)) : Literal::atom(first, true);
+        const Literal literal =
+            v.value < candidates ? Literal::atom(AtomId(first.value + v.value)) : Literal::atom(first, true);
         groups_of_[literal.code()].push_back(group);
       }
     }
@@ -96,7 +99,8 @@ class Lifting {
         if (!used[c.gate]) clauses.push_back(c);
       }
       if (clauses.size() < 2) continue;
-      Lifted lifted{Literal::from_code(std::get<0>(bucket->first)), std::bit_cast<double>(std::get<1>(bucket->first)), {}};
+      Lifted lifted{
+          Literal::from_code(std::get<0>(bucket->first)), std::bit_cast<double>(std::get<1>(bucket->first)), {}};
       for (const Clause& c : clauses) {
         used[c.gate] = true;
         weight_[c.gate] = 0.0;
@@ -163,7 +167,7 @@ class Lifting {
   }
 
   const GroundNetwork& network_;
-  std::vector<double> weight_;  // by gate; 0 once lifted
+  std::vector<double> weight_;                                               // by gate; 0 once lifted
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_of_;  // by literal code
   std::map<Key, std::vector<Clause>> buckets_;
   std::vector<Lifted> lifted_;

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <new>
 
+#include "inference/block_recognition.h"
 #include "inference/exact.h"
 #include "inference/group_lifting.h"
 #include "inference/matching.h"
@@ -161,6 +162,37 @@ std::vector<ComponentId> all_components(const GroundNetwork& network) {
   return components;
 }
 
+// From the values of a network with blocks to those of the network in which they were spelled out.
+std::vector<std::uint32_t> values_before(const GroundNetwork& network, const RecognisedBlocks& blocks,
+                                         std::span<const std::uint32_t> values) {
+  std::vector<std::uint32_t> out;
+  for (std::size_t v = 0; v < network.variable_count(); ++v) {
+    const VariableId variable(v);
+    const std::uint32_t candidates = network.candidate_count(variable);
+    std::uint32_t value = 0;
+    for (; value < candidates; ++value) {
+      const AtomId atom = blocks.atom[network.first_atom(variable).index() + value];
+      if (values[blocks.network.variable_of(atom).index()] == blocks.network.value_of(atom)) break;
+    }
+    out.push_back(value);  // past the candidates: none
+  }
+  return out;
+}
+
+MethodResult run_method(const GroundNetwork& network, const Method* method, const InferenceOptions& options,
+                        const StopCondition& stop, std::span<const double> biases, std::string& used) {
+  const std::vector<ComponentId> components = all_components(network);
+  const MethodContext context{network, components, options, stop, biases};
+  if (method != nullptr && method->finds_map) return method->run(context);
+  MethodResult run = run_marginals(context, method, used);
+  // A formula that the evidence decides has no component: nobody asked a method.
+  for (std::size_t q = 0; q < network.queries().size(); ++q) {
+    const Literal literal = network.queries()[q].literal;
+    if (literal.is_constant()) run.marginals[q] = {literal == Literal::constant(true) ? 1.0 : 0.0, {}, {}, {}};
+  }
+  return run;
+}
+
 void infer_into(InferenceResult& result, const GroundNetwork& original, const InferenceOptions& options,
                 const StopCondition& stop) {
   // With their sum every sum of some of them is finite, too.
@@ -187,20 +219,27 @@ void infer_into(InferenceResult& result, const GroundNetwork& original, const In
     biases = std::move(fit.biases);
     warnings = std::move(fit.warnings);
   }
-  const std::vector<ComponentId> components = all_components(network);
-  const MethodContext context{network, components, options, stop, biases};
-  MethodResult run = wants_map ? method->run(context) : run_marginals(context, method, result.method);
+  MethodResult run;
+  std::optional<RecognisedBlocks> blocks;
+  if (network.soft_targets().empty()) blocks = recognise_blocks(network);
+  if (blocks && blocks->possible) {
+    run = run_method(blocks->network, method, options, stop, {}, result.method);
+    if (!run.values.empty()) run.values = values_before(network, *blocks, run.values);
+    const double moved = blocks->network.constant_score();
+    if (run.log_partition) *run.log_partition += moved;
+    run.map_score += moved;
+    run.map_bound += moved;
+  }
+  // What contradicts what is named by the network itself.
+  if (!blocks || !blocks->possible || run.termination == Termination::kNoPossibleWorld) {
+    run = run_method(network, method, options, stop, biases, result.method);
+  }
   result.termination = run.termination;
   result.message = std::move(run.message);
   result.conflict = std::move(run.conflict);
   result.warnings = std::move(warnings);
   std::ranges::move(run.warnings, std::back_inserter(result.warnings));
   result.samples = run.samples;
-  // A formula that the evidence decides has no component: nobody asked a method.
-  for (std::size_t q = 0; !wants_map && q < network.queries().size(); ++q) {
-    const Literal literal = network.queries()[q].literal;
-    if (literal.is_constant()) run.marginals[q] = {literal == Literal::constant(true) ? 1.0 : 0.0, {}, {}, {}};
-  }
   // Fitted biases make another distribution of the same worlds, whose partition sum says nothing about the model.
   if (run.log_partition && result.termination == Termination::kCompleted && biases.empty()) {
     result.log_partition = *run.log_partition + network.constant_score() + network.free_log_count();

@@ -26,7 +26,7 @@ struct InferenceOptions {
   std::uint32_t burn_in = 200;  // sweeps a chain
   // Exact
   double max_table_log2 = 24;  // the largest table of an elimination, in log2 of its entries
-  double search_gap = 1e-10;      // share of a sum that a bounded search may leave out
+  double search_gap = 1e-10;   // share of a sum that a bounded search may leave out
   // MAP
   std::uint64_t flips = 1000000;  // MaxWalkSAT, a restart
   std::uint32_t restarts = 4;

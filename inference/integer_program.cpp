@@ -20,8 +20,9 @@ namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kWhole = 1e-6;            // distance from a whole number that counts as whole
-constexpr double kBytesPerEntry = 120.0;   // matrix by rows and columns, factors and copies inside the solvers, measured roughly
+constexpr double kWhole = 1e-6;  // distance from a whole number that counts as whole
+constexpr double kBytesPerEntry =
+    120.0;  // matrix by rows and columns, factors and copies inside the solvers, measured roughly
 
 // --- stopping the solvers --------------------------------------------------------------------------------------------
 
@@ -138,8 +139,8 @@ IntegerProgram::IntegerProgram(const GroundNetwork& network) : parts_(std::make_
   parts.solver.messageHandler()->setLogLevel(0);
   parts.solver.setHintParam(OsiDoReducePrint, true, OsiHintTry);
   const CoinPackedMatrix matrix(false, static_cast<int>(parts.columns), static_cast<int>(parts.rows),
-                                static_cast<CoinBigIndex>(parts.entries), p.value.data(), p.index.data(), p.row_start.data(),
-                                nullptr);
+                                static_cast<CoinBigIndex>(parts.entries), p.value.data(), p.index.data(),
+                                p.row_start.data(), nullptr);
   parts.solver.loadProblem(matrix, p.column_lower.data(), p.column_upper.data(), p.objective.data(), p.row_lower.data(),
                            p.row_upper.data());
   for (std::size_t i = 0; i < parts.columns; ++i) {
@@ -152,7 +153,8 @@ std::size_t IntegerProgram::columns() const { return parts_->columns; }
 std::size_t IntegerProgram::rows() const { return parts_->rows; }
 std::size_t IntegerProgram::entries() const { return parts_->entries; }
 std::size_t IntegerProgram::memory_bytes() const {
-  return static_cast<std::size_t>(kBytesPerEntry * static_cast<double>(parts_->entries + parts_->columns + parts_->rows));
+  return static_cast<std::size_t>(kBytesPerEntry *
+                                  static_cast<double>(parts_->entries + parts_->columns + parts_->rows));
 }
 bool IntegerProgram::is_relaxed() const { return parts_->relaxed; }
 double IntegerProgram::bound() const { return parts_->bound; }
@@ -172,8 +174,8 @@ IntegerProgramStatus IntegerProgram::relax(const IntegerProgramEffort& effort, c
   return parts.round(parts.solver.getColSolution()) ? IntegerProgramStatus::kOptimal : IntegerProgramStatus::kOpen;
 }
 
-IntegerProgramStatus IntegerProgram::branch_and_cut(std::span<const std::uint32_t> incumbent, const IntegerProgramEffort& effort,
-                                                    const StopCondition& stop) {
+IntegerProgramStatus IntegerProgram::branch_and_cut(std::span<const std::uint32_t> incumbent,
+                                                    const IntegerProgramEffort& effort, const StopCondition& stop) {
   Parts& parts = *parts_;
   Watch watch{&stop, effort.iterations};
   parts.watch(watch);

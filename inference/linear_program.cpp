@@ -210,7 +210,8 @@ class ProgramBuilder {
     for (std::uint32_t g = 0; g < network_.gate_count(); ++g) {
       const double weight = weight_[network_.atom_count() + g];
       const auto inputs = network_.gate_inputs(GateId(g));
-      if (weight <= 0.0 || !is_root_[g] || inputs.size() != 2 || network_.gate_kind(GateId(g)) != GateKind::kOr) continue;
+      if (weight <= 0.0 || !is_root_[g] || inputs.size() != 2 || network_.gate_kind(GateId(g)) != GateKind::kOr)
+        continue;
       if (!inputs[0].is_atom() || !inputs[1].is_atom()) continue;
       const std::uint32_t a = vertex(~inputs[0]), b = vertex(~inputs[1]);
       edges.push_back({a, b, weight});
@@ -271,7 +272,8 @@ class ProgramBuilder {
 
   void add(int column, double factor) { row_.push_back({column, factor}); }
   void add(Literal literal, double factor) {
-    const int column = literal.is_gate() ? gate_column_[literal.gate().index()] : static_cast<int>(literal.atom().value);
+    const int column =
+        literal.is_gate() ? gate_column_[literal.gate().index()] : static_cast<int>(literal.atom().value);
     if (literal.negated()) row_constant_ += factor;
     add(column, literal.negated() ? -factor : factor);
   }
@@ -403,7 +405,8 @@ class ProgramBuilder {
 
   // The number of true members is a sum of steps; the second costs the weight, the third twice the weight, and so on.
   void add_clique(const SoftClique& c) {
-    for (std::size_t t = 0; t < c.vertices.size(); ++t) add(program_.add_column(c.weight * static_cast<double>(t)), 1.0);
+    for (std::size_t t = 0; t < c.vertices.size(); ++t)
+      add(program_.add_column(c.weight * static_cast<double>(t)), 1.0);
     for (std::uint32_t v : c.vertices) add(vertices_[v], -1.0);
     finish(0.0, kInfinity);
   }
@@ -436,9 +439,9 @@ class ProgramBuilder {
   const GroundNetwork& network_;
   Groups groups_;
   LinearProgram program_;
-  double constant_ = 0.0;             // of the score
-  std::vector<double> weight_;        // by node, merged ones taken out
-  std::vector<bool> is_root_;         // gates that feed no gate and are not demanded
+  double constant_ = 0.0;       // of the score
+  std::vector<double> weight_;  // by node, merged ones taken out
+  std::vector<bool> is_root_;   // gates that feed no gate and are not demanded
   std::vector<Merged> merged_;
   std::vector<SoftClique> cliques_;
   std::vector<Literal> vertices_;     // of the cliques

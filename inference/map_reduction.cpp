@@ -51,9 +51,10 @@ void MapReduction::collect(std::span<const ComponentId> components) {
   const auto atoms = static_cast<std::uint32_t>(network_->atom_count());
   for (ComponentId c : components) {
     for (VariableId v : network_->component_variables(c)) {
-      groups_.push_back({v, static_cast<std::uint32_t>(original_.size()), network_->candidate_count(v), network_->has_none(v), kNone,
-                         kNone});
-      for (std::uint32_t i = 0; i < network_->candidate_count(v); ++i) original_.push_back(network_->first_atom(v).value + i);
+      groups_.push_back({v, static_cast<std::uint32_t>(original_.size()), network_->candidate_count(v),
+                         network_->has_none(v), kNone, kNone});
+      for (std::uint32_t i = 0; i < network_->candidate_count(v); ++i)
+        original_.push_back(network_->first_atom(v).value + i);
     }
   }
   const std::size_t first_gate = original_.size();
@@ -123,7 +124,8 @@ void MapReduction::index_uses() {
   uses_.resize(inputs_.size());
   std::vector<std::uint32_t> next(use_begin_.begin(), use_begin_.end() - 1);
   for (std::uint32_t g = 0; g < n; ++g) {
-    for (std::uint32_t i = input_begin_[g]; i < input_end_[g]; ++i) uses_[next[inputs_[i].node]++] = {g, inputs_[i].negated};
+    for (std::uint32_t i = input_begin_[g]; i < input_end_[g]; ++i)
+      uses_[next[inputs_[i].node]++] = {g, inputs_[i].negated};
   }
 }
 
@@ -372,8 +374,8 @@ Literal MapReduction::build_gate(NetworkBuilder& builder, std::uint32_t gate, st
     const Input& input = inputs_[i];
     const Literal literal = input.negated ? ~rest_literal_[input.node] : rest_literal_[input.node];
     // An OR inside an OR that says nothing else is spelled out.
-    const bool flat = kind_[gate] == Kind::kOr && kind_[input.node] == Kind::kOr && !input.negated && truth_[input.node] < 0 &&
-                      weight_[input.node] == 0.0 && relevant_uses_[input.node] == 1;
+    const bool flat = kind_[gate] == Kind::kOr && kind_[input.node] == Kind::kOr && !input.negated &&
+                      truth_[input.node] < 0 && weight_[input.node] == 0.0 && relevant_uses_[input.node] == 1;
     if (flat && !literal.is_constant() && literal.is_gate() && !literal.negated() &&
         builder.so_far().gate_kind(literal.gate()) == GateKind::kOr) {
       const auto inner = builder.so_far().gate_inputs(literal.gate());
@@ -422,7 +424,8 @@ bool MapReduction::build() {
       rest_literal_[i] = literal;
     }
     if (truth_[i] >= 0) rest_literal_[i] = Literal::constant(truth_[i] > 0);
-    if (kind_[i] != Kind::kRemovedAtom && weight_[i] != 0.0) builder.add_feature(rest_literal_[i], weight_[i], weight_id);
+    if (kind_[i] != Kind::kRemovedAtom && weight_[i] != 0.0)
+      builder.add_feature(rest_literal_[i], weight_[i], weight_id);
   }
   rest_ = builder.build();
   return true;
@@ -474,7 +477,8 @@ void MapReduction::lift(std::span<const std::uint32_t> rest_values, std::span<st
     const auto worth = [&](bool x) {  // negative infinity where the gate would not be what is demanded
       const bool literal = x != r.negated;
       const bool gate = r.is_iff ? literal == rest : literal || rest;
-      if (r.truth >= 0) return gate == (r.truth > 0) ? (x ? r.atom_weight : 0.0) : -std::numeric_limits<double>::infinity();
+      if (r.truth >= 0)
+        return gate == (r.truth > 0) ? (x ? r.atom_weight : 0.0) : -std::numeric_limits<double>::infinity();
       return (x ? r.atom_weight : 0.0) + (gate ? r.gate_weight : 0.0);
     };
     truth[r.atom] = worth(true) > worth(false) ? 1 : 0;

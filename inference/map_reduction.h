@@ -54,12 +54,12 @@ class MapReduction {
     VariableId variable{};
     std::uint32_t first = 0, count = 0;  // nodes
     bool has_none = false;
-    std::uint32_t stand_in = kNone;      // node whose truth is the value "none" of the reduced variable
+    std::uint32_t stand_in = kNone;  // node whose truth is the value "none" of the reduced variable
     std::uint32_t rest_variable = kNone;
   };
   struct Removal {  // of an atom that one gate uses
     std::uint32_t atom, gate;
-    bool negated;       // as an input of it
+    bool negated;  // as an input of it
     bool is_iff;
     double atom_weight, gate_weight;
     std::int8_t truth;  // demanded of the gate; -1: none
@@ -89,25 +89,26 @@ class MapReduction {
   bool truth_of(std::uint32_t node, std::vector<std::int8_t>& truth) const;
 
   const GroundNetwork* network_;
-  std::vector<double> weight_of_node_;      // of the original network
-  std::vector<std::uint32_t> local_;        // original node -> node, kNone outside the components
+  std::vector<double> weight_of_node_;  // of the original network
+  std::vector<std::uint32_t> local_;    // original node -> node, kNone outside the components
 
-  std::vector<std::uint32_t> original_;     // node -> original node
+  std::vector<std::uint32_t> original_;  // node -> original node
   std::vector<Kind> kind_;
   std::vector<double> weight_;
-  std::vector<std::int8_t> truth_;          // -1: open
-  std::vector<std::uint32_t> group_of_;     // atoms
+  std::vector<std::int8_t> truth_;       // -1: open
+  std::vector<std::uint32_t> group_of_;  // atoms
   std::vector<Group> groups_;
   std::vector<std::uint32_t> input_begin_, input_end_;
   std::vector<Input> inputs_;
-  std::vector<std::uint32_t> open_inputs_, true_inputs_;  // gates: inputs without a truth; true literals among the others
+  std::vector<std::uint32_t> open_inputs_,
+      true_inputs_;  // gates: inputs without a truth; true literals among the others
   std::vector<std::uint32_t> use_begin_;
   struct Use {
     std::uint32_t gate;
     bool negated;
   };
   std::vector<Use> uses_;
-  std::vector<std::uint8_t> up_, down_;     // making it true, false can help
+  std::vector<std::uint8_t> up_, down_;  // making it true, false can help
   std::vector<std::uint32_t> relevant_uses_, relevant_use_;
   std::vector<std::uint32_t> queue_;
   bool conflict_ = false;

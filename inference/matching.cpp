@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -13,205 +12,15 @@
 #include "inference/exact.h"
 #include "inference/matching_sampler.h"
 #include "inference/matching_sum.h"
+#include "inference/matching_weights.h"
 
 namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kForced = 0x1p20;       // nats
-constexpr double kMostWeight = 0x1p14;   // beyond this in size, sums of weights could compete with kForced
 constexpr double kMostTableLog2 = 24.0;  // entries of the sum's table: 128 MB
 constexpr std::uint64_t kConflictDecisions = 100000;
-
-// One cluster with its pair or row on, or off.
-struct ClusterState {
-  double log_weight = -kInfinity;   // log of the sum, or the maximum
-  std::vector<double> probability;  // sums: by query of the cluster
-  std::vector<std::uint32_t> best;  // maxima: by variable of the cluster
-};
-using ClusterStates = std::array<ClusterState, 2>;  // off, on
-
-// Enumerates the joint values of one cluster.
-class ClusterSum {
- public:
-  ClusterSum(const GroundNetwork& network, const MatchingStructure& structure, std::span<const double> atom_bias)
-      : network_(network), structure_(structure), bias_(atom_bias), values_(network.variable_count(), 0) {}
-
-  ClusterStates run(const MatchingCluster& cluster, bool maximise) {
-    ClusterStates states;
-    worlds_.clear();
-    for_each_world(cluster, [&](std::size_t on) {
-      const double score = score_of(cluster);
-      worlds_.push_back(score);
-      ClusterState& state = states[on];
-      if (score <= state.log_weight) return;
-      state.log_weight = score;
-      if (!maximise) return;
-      state.best.clear();
-      for (VariableId v : cluster.variables) state.best.push_back(values_[v.index()]);
-    });
-    if (!maximise) sum(cluster, states);
-    return states;
-  }
-
- private:
-  // log_weight is the largest score so far.
-  void sum(const MatchingCluster& cluster, ClusterStates& states) {
-    std::array<double, 2> total = {0, 0};
-    for (ClusterState& s : states) s.probability.assign(cluster.queries.size(), 0.0);
-    std::size_t world = 0;
-    for_each_world(cluster, [&](std::size_t on) {
-      const double score = worlds_[world++];
-      if (score == -kInfinity) return;
-      const double weight = std::exp(score - states[on].log_weight);
-      total[on] += weight;
-      for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
-        if (is_true(network_.queries()[cluster.queries[q]].literal)) states[on].probability[q] += weight;
-      }
-    });
-    for (std::size_t on = 0; on < 2; ++on) {
-      if (total[on] == 0) continue;
-      states[on].log_weight += std::log(total[on]);
-      for (double& p : states[on].probability) p /= total[on];
-    }
-  }
-
-  // Calls f(1) with values where the pair or row is on, f(0) where it is off.
-  template <class F>
-  void for_each_world(const MatchingCluster& cluster, const F& f) {
-    if (cluster.cell != kNoGroup) {
-      const MatchingCell& cell = structure_.cells[cluster.cell];
-      for_each_value(cluster, [&] { f(cell.on[values_[cell.anchor.index()]] ? 1 : 0); });
-      return;
-    }
-    for (const bool on : {false, true}) {
-      group_on_ = on;
-      for_each_value(cluster, [&] { f(on ? 1 : 0); });
-    }
-  }
-
-  template <class F>
-  void for_each_value(const MatchingCluster& cluster, const F& f) {
-    for (VariableId v : cluster.variables) values_[v.index()] = 0;
-    for (std::size_t i = 0; i < cluster.variables.size() || i == 0;) {
-      f();
-      for (i = 0; i < cluster.variables.size(); ++i) {
-        const VariableId v = cluster.variables[i];
-        if (++values_[v.index()] < network_.value_count(v)) break;
-        values_[v.index()] = 0;
-      }
-      if (i == cluster.variables.size()) return;
-    }
-  }
-
-  double score_of(const MatchingCluster& cluster) const {
-    for (std::uint32_t c : cluster.constraints) {
-      if (!is_true(network_.constraints()[c].literal)) return -kInfinity;
-    }
-    double score = 0;
-    for (std::uint32_t f : cluster.features) {
-      const Feature& feature = network_.features()[f];
-      if (is_true(feature.literal)) score += feature.weight;
-    }
-    if (bias_.empty()) return score;
-    for (VariableId v : cluster.variables) {
-      const std::uint32_t value = values_[v.index()];
-      if (value < network_.candidate_count(v)) score += bias_[network_.first_atom(v).index() + value];
-    }
-    return score;
-  }
-
-  bool is_true(Literal literal) const {
-    if (literal.is_constant()) return literal == Literal::constant(true);
-    if (literal.is_atom()) {
-      return (values_[network_.variable_of(literal.atom()).index()] == network_.value_of(literal.atom())) !=
-             literal.negated();
-    }
-    const GateId gate = literal.gate();
-    const bool grouped = structure_.group_of_gate[gate.index()] != kNoGroup;
-    std::uint32_t count = grouped && group_on_ ? 1 : 0;
-    for (Literal input : network_.gate_inputs(gate)) {
-      if (grouped && structure_.speaks_of_cells(network_, input)) continue;  // group_on_ speaks for it
-      count += is_true(input) ? 1u : 0u;
-    }
-    return gate_truth(network_.gate_kind(gate), count) != literal.negated();
-  }
-
-  const GroundNetwork& network_;
-  const MatchingStructure& structure_;
-  std::span<const double> bias_;
-  std::vector<std::uint32_t> values_;  // by variable of the network
-  std::vector<double> worlds_;         // scores, in the order of the enumeration
-  bool group_on_ = false;
-};
-
-// The component as a weighted bipartite matching.
-struct WeightedMatching {
-  Termination termination = Termination::kCompleted;
-  std::string message;
-  std::vector<ClusterStates> states;  // by cluster
-  double log_base = 0.0;              // everything off
-  std::vector<double> log_weights;    // rows x columns
-  std::size_t forced = 0;             // each adds kForced to every matching that is possible
-};
-
-class Weigher {
- public:
-  Weigher(const GroundNetwork& network, const MatchingStructure& structure, std::span<const double> atom_bias)
-      : structure_(structure), sums_(network, structure, atom_bias) {}
-
-  WeightedMatching run(bool maximise) {
-    out_.log_weights.assign(std::size_t{structure_.rows} * structure_.columns, -kInfinity);
-    std::vector<double> row(structure_.rows, 0.0), column(structure_.columns, 0.0);
-    for (const MatchingCluster& cluster : structure_.clusters) {
-      out_.states.push_back(sums_.run(cluster, maximise));
-      const double change = weigh(out_.states.back());
-      if (out_.termination != Termination::kCompleted) return std::move(out_);
-      if (cluster.group != kNoGroup) {
-        const MatchingGroup& group = structure_.groups[cluster.group];
-        (group.is_row ? row : column)[group.number] += change;
-      } else {
-        const MatchingCell& cell = structure_.cells[cluster.cell];
-        out_.log_weights[std::size_t{cell.row} * structure_.columns + cell.column] = change;
-      }
-    }
-    for (std::size_t r = 0; r < row.size(); ++r) {
-      for (std::size_t c = 0; c < column.size(); ++c) out_.log_weights[r * column.size() + c] += row[r] + column[c];
-    }
-    return std::move(out_);
-  }
-
- private:
-  // What being on adds; what being off weighs goes to log_base.
-  double weigh(const ClusterStates& states) {
-    const double off = states[0].log_weight, on = states[1].log_weight;
-    if (off == -kInfinity && on == -kInfinity) return stop(Termination::kNoPossibleWorld, "");
-    if (on == -kInfinity) {
-      out_.log_base += off;
-      return -kInfinity;
-    }
-    if (off == -kInfinity) {
-      ++out_.forced;
-      out_.log_base += on;
-      return kForced;
-    }
-    if (std::abs(on - off) > kMostWeight)
-      return stop(Termination::kRefused, "its weights are too large for a matching");
-    out_.log_base += off;
-    return on - off;
-  }
-
-  double stop(Termination termination, std::string message) {
-    out_.termination = termination;
-    out_.message = std::move(message);
-    return 0;
-  }
-
-  const MatchingStructure& structure_;
-  ClusterSum sums_;
-  WeightedMatching out_;
-};
 
 // Whether a matching that gains so much has all that is forced.
 bool all_forced(double gain, std::size_t forced) { return gain > (static_cast<double>(forced) - 0.5) * kForced; }
@@ -228,24 +37,6 @@ Assignment assignment_of(const WeightedMatching& weighted, const MatchingStructu
     }
   }
   return best_assignment(gains, rows, columns);
-}
-
-// P(on) of each cluster's pair or row. `paired`: (rows + 1) x (columns + 1), the sums of rows and columns at their ends.
-std::vector<Marginal> probability_of_on(const MatchingStructure& structure, const std::vector<Marginal>& paired) {
-  const std::size_t width = std::size_t{structure.columns} + 1;
-  std::vector<Marginal> out;
-  for (const MatchingCluster& cluster : structure.clusters) {
-    std::size_t row = structure.rows, column = structure.columns;
-    if (cluster.group != kNoGroup) {
-      const MatchingGroup& group = structure.groups[cluster.group];
-      (group.is_row ? row : column) = group.number;
-    } else {
-      row = structure.cells[cluster.cell].row;
-      column = structure.cells[cluster.cell].column;
-    }
-    out.push_back(paired[row * width + column]);
-  }
-  return out;
 }
 
 std::vector<Marginal> with_sums(const MatchingSum& sum, std::size_t rows, std::size_t columns) {
@@ -269,17 +60,90 @@ struct ComponentAnswer {
   std::uint64_t samples = 0;
 };
 
-// A mixture of the cluster's answers with its pair or row on and off.
-void answer_queries(const MatchingCluster& cluster, const ClusterStates& states, const Marginal& on,
-                    std::vector<Marginal>& marginals) {
-  for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
-    Marginal& m = marginals[cluster.queries[q]];
-    const double if_on = states[1].probability[q], if_off = states[0].probability[q];
-    m = on;
-    m.probability = std::clamp(on.probability * if_on + (1 - on.probability) * if_off, 0.0, 1.0);
-    if (m.mcse) *m.mcse *= std::abs(if_on - if_off);
+// From the probabilities of pairs to those of the queries.
+class QueryAnswers {
+ public:
+  // `paired`: (rows + 1) x (columns + 1), the sums of rows and columns at their ends.
+  QueryAnswers(const MatchingStructure& structure, const WeightedMatching& weighted, std::vector<Marginal> paired)
+      : structure_(structure), weighted_(weighted), paired_(std::move(paired)) {
+    for (std::size_t c = 0; c < structure.cells.size(); ++c) {
+      const MatchingCell& cell = structure.cells[c];
+      const double whole = weighted.log_weights[std::size_t{cell.row} * structure.columns + cell.column];
+      share_.emplace_back();
+      for (const double weight : weighted.value_weight[c]) {
+        share_.back().push_back(whole == -kInfinity ? 0.0 : std::exp(weight - whole));
+      }
+    }
   }
-}
+
+  void answer(std::size_t number, std::vector<Marginal>& marginals) const {
+    const MatchingCluster& cluster = structure_.clusters[number];
+    for (std::size_t q = 0; q < cluster.queries.size(); ++q) {
+      marginals[cluster.queries[q]] = cluster.group != kNoGroup ? of_group(number, q) : of_cell(number, q);
+    }
+  }
+
+ private:
+  const Marginal& at(std::size_t row, std::size_t column) const {
+    return paired_[row * (std::size_t{structure_.columns} + 1) + column];
+  }
+  double answer_in(std::size_t cluster, std::size_t state, std::size_t query) const {
+    return weighted_.states[cluster][state].probability[query];
+  }
+
+  // A mixture of the answers with the pair on, in each of its values, and off.
+  Marginal of_cell(std::size_t number, std::size_t query) const {
+    const std::uint32_t c = structure_.clusters[number].cell;
+    const double off = answer_in(number, 0, query);
+    double on = 0;
+    for (std::size_t v = 0; v < share_[c].size(); ++v) on += share_[c][v] * answer_in(number, v + 1, query);
+    Marginal m = at(structure_.cells[c].row, structure_.cells[c].column);
+    if (m.mcse) *m.mcse *= std::abs(on - off);
+    m.probability = std::clamp(m.probability * on + (1 - m.probability) * off, 0.0, 1.0);
+    return m;
+  }
+
+  // The same for a row or column: each of its cells brings it into states of its own.
+  Marginal of_group(std::size_t number, std::size_t query) const {
+    const MatchingGroup& group = structure_.groups[structure_.clusters[number].group];
+    const Marginal& whole = group.is_row ? at(group.number, structure_.columns) : at(structure_.rows, group.number);
+    const double off = answer_in(number, 0, query);
+    double change = 0, on = 0;
+    std::vector<double> change_by(group.cells.size(), 0.0);
+    for (std::size_t i = 0; i < group.cells.size(); ++i) {
+      const MatchingCell& cell = structure_.cells[group.cells[i]];
+      const double p = at(cell.row, cell.column).probability;
+      std::size_t v = 0;
+      for (std::size_t value = 0; value < cell.on.size(); ++value) {
+        if (!cell.on[value]) continue;
+        const std::uint32_t state = (group.is_row ? cell.row_state : cell.column_state)[value];
+        change_by[i] += share_[group.cells[i]][v++] * (answer_in(number, state, query) - off);
+      }
+      change += p * change_by[i];
+      on += p;
+    }
+    Marginal m = whole;
+    m.probability = std::clamp(off + change, 0.0, 1.0);
+    if (m.mcse) m.mcse = error_of(group, whole, on > 0 ? change / on : 0.0, change_by);
+    return m;
+  }
+
+  // The error of the row as a whole where all its cells say the same; what they differ by comes on top.
+  double error_of(const MatchingGroup& group, const Marginal& whole, double mean,
+                  const std::vector<double>& change_by) const {
+    double error = *whole.mcse * std::abs(mean);
+    for (std::size_t i = 0; i < group.cells.size(); ++i) {
+      const MatchingCell& cell = structure_.cells[group.cells[i]];
+      error += at(cell.row, cell.column).mcse.value_or(0.0) * std::abs(change_by[i] - mean);
+    }
+    return error;
+  }
+
+  const MatchingStructure& structure_;
+  const WeightedMatching& weighted_;
+  std::vector<Marginal> paired_;
+  std::vector<std::vector<double>> share_;  // by cell and on-value: its share where the pair is on
+};
 
 bool fits(const MatchingStructure& structure, const InferenceOptions& options) {
   const double log2 = matching_sum_log2(structure.rows, structure.columns);
@@ -296,7 +160,7 @@ ComponentAnswer answer(const MethodContext& context, const MatchingStructure& st
     return out;
   };
   if (!structure.found()) return stopped(Termination::kRefused, structure.problem);
-  const WeightedMatching weighted = Weigher(context.network, structure, context.atom_bias).run(false);
+  const WeightedMatching weighted = weigh_matching(context.network, structure, context.atom_bias, false);
   if (weighted.termination != Termination::kCompleted) return stopped(weighted.termination, weighted.message);
   std::vector<Marginal> paired;
   if (fits(structure, context.options)) {
@@ -318,10 +182,8 @@ ComponentAnswer answer(const MethodContext& context, const MatchingStructure& st
     }
     paired = std::move(sampled.paired);
   }
-  const std::vector<Marginal> on = probability_of_on(structure, paired);
-  for (std::size_t c = 0; c < structure.clusters.size(); ++c) {
-    answer_queries(structure.clusters[c], weighted.states[c], on[c], marginals);
-  }
+  const QueryAnswers answers(structure, weighted, std::move(paired));
+  for (std::size_t c = 0; c < structure.clusters.size(); ++c) answers.answer(c, marginals);
   return out;
 }
 
@@ -371,33 +233,37 @@ MethodResult run_matching(const MethodContext& context, std::vector<MatchingStru
 
 std::optional<MatchingOptimum> best_matching_world(const GroundNetwork& network, const MatchingStructure& structure,
                                                    std::span<const double> atom_bias) {
-  const WeightedMatching weighted = Weigher(network, structure, atom_bias).run(true);
+  const WeightedMatching weighted = weigh_matching(network, structure, atom_bias, true);
   if (weighted.termination != Termination::kCompleted) return std::nullopt;
   const Assignment best = assignment_of(weighted, structure);
   if (!all_forced(best.gain, weighted.forced)) return std::nullopt;
   const bool turned = structure.rows > structure.columns;
-  const std::size_t rows = std::min(structure.rows, structure.columns);
-  std::vector<bool> row_on(structure.rows, false), column_on(structure.columns, false);
-  for (std::size_t r = 0; r < rows; ++r) {
-    if (!best.column_of[r]) continue;
-    (turned ? column_on : row_on)[r] = true;
-    (turned ? row_on : column_on)[*best.column_of[r]] = true;
-  }
-  const auto is_paired = [&](const MatchingCell& cell) {
+  // The states of all cells, rows and columns in the best matching.
+  std::vector<std::uint32_t> cell_state(structure.cells.size(), 0);
+  std::vector<std::uint32_t> row_state(structure.rows, 0), column_state(structure.columns, 0);
+  for (std::size_t i = 0; i < structure.cells.size(); ++i) {
+    const MatchingCell& cell = structure.cells[i];
     const std::size_t r = turned ? cell.column : cell.row, c = turned ? cell.row : cell.column;
-    return best.column_of[r] && *best.column_of[r] == c;
-  };
+    if (best.column_of[r] != c) continue;
+    const std::vector<double>& weights = weighted.value_weight[i];
+    const auto chosen = static_cast<std::uint32_t>(std::ranges::max_element(weights) - weights.begin());
+    cell_state[i] = chosen + 1;
+    std::size_t value = 0;
+    for (std::uint32_t on = 0; !cell.on[value] || on++ != chosen;) ++value;
+    row_state[cell.row] = cell.row_state[value];
+    column_state[cell.column] = cell.column_state[value];
+  }
   MatchingOptimum out;
   for (std::size_t c = 0; c < structure.clusters.size(); ++c) {
     const MatchingCluster& cluster = structure.clusters[c];
-    bool on = false;
+    std::uint32_t number = 0;
     if (cluster.group != kNoGroup) {
       const MatchingGroup& group = structure.groups[cluster.group];
-      on = (group.is_row ? row_on : column_on)[group.number];
+      number = (group.is_row ? row_state : column_state)[group.number];
     } else {
-      on = is_paired(structure.cells[cluster.cell]);
+      number = cell_state[cluster.cell];
     }
-    const ClusterState& state = weighted.states[c][on ? 1 : 0];
+    const ClusterState& state = weighted.states[c][number];
     out.score += state.log_weight;
     for (std::size_t v = 0; v < cluster.variables.size(); ++v) {
       out.values.emplace_back(cluster.variables[v], state.best[v]);

@@ -1,10 +1,8 @@
 // Marginals and most probable worlds of one-to-one matchings: exact where the shorter side is short, else sampled and exact.
 //
-// Idea      matching_structure.h sees the matching in a component. Each small cluster is summed (or maximised) by enumeration,
-//           once for its pair or row being on and once for off; the logarithms of the ratios are the weights of a bipartite
-//           matching. Its sums come from a table over subsets of the shorter side (matching_sum.h), its optimum from the
-//           Hungarian algorithm (assignment.h), at any size. What hard formulas force (a pair that must be on, a row that
-//           must not be empty) gets kForced nats more than anything else could.
+// Idea      matching_structure.h sees the matching in a component, matching_weights.h weighs its pairs. Its sums come from a
+//           table over subsets of the shorter side (matching_sum.h), its optimum from the Hungarian algorithm
+//           (assignment.h), at any size.
 //           Table 1 with 15 old and 10 new clusters: 2 ms, where elimination takes 0.2 s. Where the shorter side has more than
 //           about 18 members, marginals are sampled (matching_sampler.h), with error bars.
 // Input     MethodContext: components, atom_bias (added to the score where the atom is true)

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <numeric>
 #include <unordered_map>
+#include <utility>
 
 namespace sherlog {
 namespace {
@@ -14,7 +14,8 @@ namespace {
 constexpr std::uint32_t kMaxAnchors = 4096;
 constexpr std::uint32_t kMaxValues = 11;       // on-values of an anchor: their pairs are counted in seven bits
 constexpr std::uint8_t kStatedAtOnce = 0x80;   // a clause with a positive literal excludes several values in one go
-constexpr double kMaxClusterValues = 1 << 14;  // joint values that a cluster may have
+constexpr double kMaxClusterValues = 1 << 14;  // joint values that a cluster may have, times the states of its row
+constexpr std::uint8_t kMaxBits = 64;          // disjunctions over the cells of one row
 
 // Two literals of different variables of which one has to hold.
 struct Exclusion {
@@ -107,7 +108,7 @@ class Finder {
         if (cell == kNoGroup) {
           cell = static_cast<std::uint32_t>(out_.cells.size());
           if (cell == kMaxAnchors) return refuse(fmt::format("more than {} variables exclude each other", kMaxAnchors));
-          out_.cells.push_back({v, std::vector<bool>(network_.value_count(v), false), 0, 0});
+          out_.cells.push_back({v, std::vector<bool>(network_.value_count(v), false), 0, 0, {}, {}});
         }
         for_each_excluded(literal, [&](std::uint32_t value) { out_.cells[cell].on[value] = true; });
       }
@@ -234,6 +235,9 @@ class Finder {
     std::iota(parent_.begin(), parent_.end(), 0u);
     visited_.assign(network_.gate_count(), 0);
     out_.group_of_gate.assign(network_.gate_count(), kNoGroup);
+    out_.bit_of_gate.assign(network_.gate_count(), 0);
+    bits_of_group_.assign(out_.groups.size(), 0);
+    for (const MatchingCell& cell : out_.cells) masks_.push_back({Masks(cell.on.size(), 0), Masks(cell.on.size(), 0)});
     out_.anchors_only.assign(network_.gate_count(), 0);
     const auto constraints = network_.component_constraints(component_);
     for (std::size_t i = 0; i < constraints.size(); ++i) {
@@ -341,41 +345,58 @@ class Finder {
     }
   }
 
-  // A disjunction over several anchors has to be over all of a row or column, in all their on-values.
+  // A disjunction over several anchors has to be over cells of one row or column, in some of their on-values.
   bool recognise_group(GateId gate) {
-    std::uint32_t first = kNoGroup;
-    bool several = false;
-    for_each_named(gate, [&](std::uint32_t cell, std::uint32_t) {
-      if (first == kNoGroup) first = cell;
-      several = several || cell != first;
-    });
+    named_.clear();
+    for_each_named(gate, [&](std::uint32_t cell, std::uint32_t value) { named_.emplace_back(cell, value); });
+    const bool several =
+        std::ranges::any_of(named_, [&](const auto& cell_value) { return cell_value.first != named_[0].first; });
     if (!several) return true;
-    for (std::uint32_t g : groups_of_[first]) {
-      if (g == kNoGroup || !is_group(gate, g)) continue;
+    for (std::uint32_t g : groups_of_[named_[0].first]) {
+      if (g == kNoGroup || !std::ranges::all_of(named_, [&](const auto& cell_value) {
+            return side_of(cell_value.first, g) < 2 && out_.cells[cell_value.first].on[cell_value.second];
+          })) {
+        continue;
+      }
+      if (bits_of_group_[g] == kMaxBits) {
+        return refuse(
+            fmt::format("more than {} disjunctions over the row or column of {}", kMaxBits, name(named_[0].first)));
+      }
+      const std::uint8_t bit = bits_of_group_[g]++;
+      for (const auto& [cell, value] : named_) masks_[cell][side_of(cell, g)][value] |= std::uint64_t{1} << bit;
       out_.group_of_gate[gate.index()] = g;
+      out_.bit_of_gate[gate.index()] = bit;
       return true;
     }
-    return refuse(fmt::format("a disjunction over {} and others is not that of a whole row or column", name(first)));
+    return refuse(
+        fmt::format("a disjunction over {} and others is not one over a row or column", name(named_[0].first)));
   }
 
-  bool is_group(GateId gate, std::uint32_t g) {
-    named_.assign(out_.cells.size(), 0);  // by cell: a bit for each value that the disjunction names
-    bool good = true;
-    for_each_named(gate, [&](std::uint32_t cell, std::uint32_t value) {
-      if (!out_.cells[cell].on[value] || value >= 64) {
-        good = false;
-      } else {
-        named_[cell] |= std::uint64_t{1} << value;
+  // Which of the cell's groups that is; 2: none.
+  std::size_t side_of(std::uint32_t cell, std::uint32_t group) const {
+    return groups_of_[cell][0] == group ? 0 : groups_of_[cell][1] == group ? 1 : 2;
+  }
+
+  void number_states() {
+    for (std::uint32_t a = 0; a < out_.cells.size(); ++a) {
+      MatchingCell& cell = out_.cells[a];
+      cell.row_state.assign(cell.on.size(), 0);
+      cell.column_state.assign(cell.on.size(), 0);
+      for (std::size_t side = 0; side < 2; ++side) {
+        if (groups_of_[a][side] == kNoGroup) continue;
+        MatchingGroup& group = out_.groups[groups_of_[a][side]];
+        for (std::size_t value = 0; value < cell.on.size(); ++value) {
+          const auto found = std::ranges::find(group.states, masks_[a][side][value]);
+          (group.is_row ? cell.row_state : cell.column_state)[value] =
+              static_cast<std::uint32_t>(found - group.states.begin());
+          if (found == group.states.end()) group.states.push_back(masks_[a][side][value]);
+        }
       }
-    });
-    for (std::uint32_t cell : out_.groups[g].cells) {
-      good = good && std::popcount(named_[cell]) == static_cast<int>(on_count_[cell]);
-      named_[cell] = 0;
     }
-    return good && std::ranges::all_of(named_, [](std::uint64_t mask) { return mask == 0; });
   }
 
   bool find_roles() {
+    number_states();
     for (std::uint32_t a = 0; a < out_.cells.size(); ++a) {
       MatchingCluster& own = cluster(out_.cells[a].anchor.value);
       if (own.cell != kNoGroup) return refuse(fmt::format("a formula ties {} to {}", name(a), name(own.cell)));
@@ -391,7 +412,7 @@ class Finder {
       own.group = g;
     }
     for (const MatchingCluster& c : out_.clusters) {
-      double values = 1;
+      double values = c.group == kNoGroup ? 1.0 : static_cast<double>(out_.groups[c.group].states.size());
       for (VariableId v : c.variables) values *= network_.value_count(v);
       if (values > kMaxClusterValues) return refuse(fmt::format("{} variables are tied together", c.variables.size()));
       if (c.cell == kNoGroup && c.group == kNoGroup) return refuse("some of its variables belong to no pair");
@@ -410,7 +431,10 @@ class Finder {
   std::vector<std::array<std::uint32_t, 2>> groups_of_;          // by cell
   std::vector<std::uint32_t> parent_, cluster_at_, visited_;
   std::uint32_t visit_ = 0;
-  std::vector<std::uint64_t> named_;
+  using Masks = std::vector<std::uint64_t>;  // by value
+  std::vector<std::array<Masks, 2>> masks_;  // by cell and side: the disjunctions that the value makes true
+  std::vector<std::uint8_t> bits_of_group_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> named_;  // cell, value
 };
 
 }  // namespace

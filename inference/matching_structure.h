@@ -5,9 +5,11 @@
 //           values. The clauses are the edges of a graph over the anchors; where that graph falls into cliques such
 //           that each anchor lies in at most two of them and the cliques can be coloured with two colours, the
 //           cliques are rows and columns, and each anchor is the cell of one row and one column. Everything else
-//           has to be local: the rest of the network falls into small clusters, each of which sees one anchor (a cell) or one
-//           long disjunction "some anchor of this row is on" (a side). Then the component is a weighted matching: a cell
-//           adds log(sum over its cluster with the anchor on) - log(... off), a side adds the same for its row.
+//           has to be local: the rest of the network falls into small clusters, each of which sees one anchor (a cell) or
+//           long disjunctions "some anchor of this row has one of these values" (a side). One anchor of a row is on at most,
+//           so what the disjunctions say of a row depends on the one value that is on: the row's state. Then the component
+//           is a weighted matching: a cell weighs, summed over its on-values, the sum of its cluster times what the states
+//           of its row and column weigh, each relative to nothing being on.
 //           Nothing here knows predicates or names; what does not fit is refused with a reason.
 // Cost      O(anchors^2 + clauses); at most 4096 anchors
 #pragma once
@@ -35,6 +37,7 @@ struct MatchingCell {
   VariableId anchor;
   std::vector<bool> on;  // by value
   std::uint32_t row = 0, column = 0;
+  std::vector<std::uint32_t> row_state, column_state;  // by value: into MatchingGroup::states; 0 where off
 };
 
 // A row or column with two or more cells.
@@ -42,6 +45,8 @@ struct MatchingGroup {
   bool is_row = false;
   std::uint32_t number = 0;  // of the row or column
   std::vector<std::uint32_t> cells;
+  // By state: which disjunctions over its cells are true, a bit for each. State 0 is that of nothing being on.
+  std::vector<std::uint64_t> states = {0};
 };
 
 struct MatchingStructure {
@@ -50,8 +55,10 @@ struct MatchingStructure {
   std::vector<MatchingCell> cells;
   std::vector<MatchingGroup> groups;
   std::vector<MatchingCluster> clusters;
-  // By gate of the network: its inputs that speak of cells only say together that some cell of this group is on; or kNoGroup.
+  // By gate of the network: its inputs that speak of cells only say together that this group is in a state with the
+  // bit set; or kNoGroup.
   std::vector<std::uint32_t> group_of_gate;
+  std::vector<std::uint8_t> bit_of_gate;
   // By gate: 1 where it is a disjunction of cells' atoms and of such disjunctions.
   std::vector<std::uint8_t> anchors_only;
   std::vector<std::uint32_t> cell_of;  // by variable of the network, or kNoGroup

@@ -24,13 +24,13 @@
 namespace sherlog {
 
 struct MaxWalkSatOptions {
-  std::uint64_t flips = 1000000;     // steps of a restart
-  std::uint64_t patience = 250000;   // steps without a better world that end a restart
+  std::uint64_t flips = 1000000;    // steps of a restart
+  std::uint64_t patience = 250000;  // steps without a better world that end a restart
   std::uint32_t restarts = 4;
   std::uint64_t seed = 1;
   std::uint32_t threads = 1;
-  double noise = 0.1;                // share of random moves
-  std::uint32_t tabu = 5;            // steps
+  double noise = 0.1;                                       // share of random moves
+  std::uint32_t tabu = 5;                                   // steps
   double enough = std::numeric_limits<double>::infinity();  // score (without constant_score) at which to stop
 };
 

@@ -111,7 +111,8 @@ struct Quadratic {
     if (c != 0) products.push_back({std::min(i, j), std::max(i, j), c});
   }
   void merge_products() {
-    std::sort(products.begin(), products.end(), [](const Product& a, const Product& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; });
+    std::sort(products.begin(), products.end(),
+              [](const Product& a, const Product& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; });
     std::size_t n = 0;
     for (const Product& p : products) {
       if (n > 0 && products[n - 1].i == p.i && products[n - 1].j == p.j) {

@@ -12,8 +12,8 @@ namespace {
 // inference.cpp.
 constexpr Method kMethods[] = {
     {"exact", "marginals and log Z by variable elimination; refuses components that are too wide", false, run_exact},
-    {"matching", "marginals of one-to-one matchings such as object identity, exact or sampled; refuses what is none", false,
-     run_matching},
+    {"matching", "marginals of one-to-one matchings such as object identity, exact or sampled; refuses what is none",
+     false, run_matching},
     {"mcsat", "marginals by MC-SAT with Gibbs and joint-block moves; any model", false, run_mcsat},
     {"gibbs", "marginals by Gibbs sampling over blocks; refuses hard formulas that lock single moves in", false,
      run_gibbs},

@@ -8,9 +8,9 @@
 namespace sherlog {
 namespace {
 
-constexpr double kAnnealingShare = 0.1;   // of the moves; the rest are WalkSAT's
-constexpr double kNoise = 0.3;            // share of WalkSAT's moves that are random among the repairs
-constexpr double kTemperature = 0.3;      // in broken demands
+constexpr double kAnnealingShare = 0.1;  // of the moves; the rest are WalkSAT's
+constexpr double kNoise = 0.3;           // share of WalkSAT's moves that are random among the repairs
+constexpr double kTemperature = 0.3;     // in broken demands
 
 struct Move {
   VariableId variable;
@@ -87,9 +87,14 @@ class Search {
       const bool truth = world_.is_true(input);
       bool may_help = true;
       switch (network_.gate_kind(gate)) {
-        case GateKind::kOr: may_help = truth != wanted; break;
-        case GateKind::kIff: break;
-        case GateKind::kAtMostOne: may_help = truth == wanted; break;
+        case GateKind::kOr:
+          may_help = truth != wanted;
+          break;
+        case GateKind::kIff:
+          break;
+        case GateKind::kAtMostOne:
+          may_help = truth == wanted;
+          break;
       }
       const std::uint32_t below = world_.index().node(input);
       if (may_help) collect(below, !world_.is_true(below));

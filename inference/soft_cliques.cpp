@@ -79,7 +79,8 @@ std::vector<SoftClique> find_soft_cliques(std::uint32_t vertex_count, std::span<
   for (const auto& [weight, n] : count) {
     if (n >= 3) order.push_back({n, weight});
   }
-  std::ranges::sort(order, [](const auto& x, const auto& y) { return x.first != y.first ? x.first > y.first : x.second < y.second; });
+  std::ranges::sort(
+      order, [](const auto& x, const auto& y) { return x.first != y.first ? x.first > y.first : x.second < y.second; });
   if (order.size() > kMaxWeights) order.resize(kMaxWeights);
   CliqueGrower grower(vertex_count, edges);
   for (const auto& [n, weight] : order) grower.grow_all(weight, cliques);

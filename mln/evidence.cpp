@@ -2,9 +2,9 @@
 // evidence_builder.cpp.
 #include "mln/evidence.h"
 
-#include <utility>
-
 #include <fmt/format.h>
+
+#include <utility>
 
 #include "mln/evidence_builder.h"
 #include "mln/evidence_reader.h"

@@ -24,7 +24,7 @@ enum class EvidenceKind : std::uint8_t {
 struct PredicateEvidence {
   std::vector<ConstantIndex> arguments;  // arity() for each atom, one after the other
   std::vector<EvidenceKind> kinds;
-  std::vector<double> degrees;           // kSoft: in (0, 1); else 0
+  std::vector<double> degrees;  // kSoft: in (0, 1); else 0
   std::vector<Place> places;
 
   std::size_t size() const { return kinds.size(); }

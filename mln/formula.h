@@ -20,7 +20,19 @@ struct Term {
   bool operator==(const Term&) const = default;
 };
 
-enum class NodeKind : std::uint8_t { kAtom, kEqual, kLess, kLessEqual, kNot, kAnd, kOr, kImplies, kIff, kExists, kForall };
+enum class NodeKind : std::uint8_t {
+  kAtom,
+  kEqual,
+  kLess,
+  kLessEqual,
+  kNot,
+  kAnd,
+  kOr,
+  kImplies,
+  kIff,
+  kExists,
+  kForall
+};
 
 // != is kNot of kEqual; > and >= are kLess and kLessEqual with the sides exchanged.
 struct FormulaNode {
@@ -45,10 +57,10 @@ struct Formula {
   std::vector<FormulaVariable> variables;  // each quantifier has variables of its own, also where names are reused
   double weight = 0.0;                     // nats; without meaning where hard
   bool hard = false;
-  bool fixed = false;         // not learned
-  bool has_weight = true;     // false: no weight was written, 0 is assumed in inference
+  bool fixed = false;                              // not learned
+  bool has_weight = true;                          // false: no weight was written, 0 is assumed in inference
   std::vector<std::vector<std::uint32_t>> unique;  // groups of variables whose constants are an unordered combination
-  std::string text;           // as the printer writes it, without weight and '.'
+  std::string text;                                // as the printer writes it, without weight and '.'
   Place place;
 };
 

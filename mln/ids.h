@@ -19,14 +19,14 @@ struct Id {
   constexpr std::size_t index() const { return value; }
 };
 
-using DomainId = Id<struct DomainTag>;          // a named set of constants
+using DomainId = Id<struct DomainTag>;  // a named set of constants
 using PredicateId = Id<struct PredicateTag>;
-using FormulaId = Id<struct FormulaTag>;        // a formula of the model, templates not expanded
-using AtomId = Id<struct AtomTag>;              // an open ground atom of a GroundNetwork
-using VariableId = Id<struct VariableTag>;      // a random variable of it: one atom, or a block of atoms
-using GateId = Id<struct GateTag>;              // an inner node of its ground formulas
-using WeightId = Id<struct WeightTag>;          // one weight: a formula after expansion of its templates
-using ComponentId = Id<struct ComponentTag>;    // a connected component of it
+using FormulaId = Id<struct FormulaTag>;      // a formula of the model, templates not expanded
+using AtomId = Id<struct AtomTag>;            // an open ground atom of a GroundNetwork
+using VariableId = Id<struct VariableTag>;    // a random variable of it: one atom, or a block of atoms
+using GateId = Id<struct GateTag>;            // an inner node of its ground formulas
+using WeightId = Id<struct WeightTag>;        // one weight: a formula after expansion of its templates
+using ComponentId = Id<struct ComponentTag>;  // a connected component of it
 
 // A constant is known by its position in its domain: first those of the model (declared, then met in formulas),
 // then those that the evidence adds.

@@ -18,9 +18,9 @@ struct Domain {
   std::string name;
   std::vector<std::string> constants;  // declared ones first, then those met in formulas
   std::unordered_map<std::string, ConstantIndex> index;
-  std::size_t declared_count = 0;      // how many of `constants` the declaration lists
-  bool declared = false;               // has a declaration with values
-  Place place;                         // of its declaration, or of the first predicate that uses it
+  std::size_t declared_count = 0;  // how many of `constants` the declaration lists
+  bool declared = false;           // has a declaration with values
+  Place place;                     // of its declaration, or of the first predicate that uses it
 
   std::optional<ConstantIndex> find(std::string_view constant) const;
 };
@@ -36,7 +36,7 @@ struct Predicate {
   std::vector<DomainId> domains;  // one for each argument
   std::vector<bool> marked;       // which arguments carry the mark; all false where block is kNone
   BlockKind block = BlockKind::kNone;
-  bool closed = false;            // declared *P: stays closed under --open-world without a value
+  bool closed = false;  // declared *P: stays closed under --open-world without a value
   Place place;
 
   std::size_t arity() const { return domains.size(); }

@@ -16,9 +16,7 @@ class Monitor {
   virtual ~Monitor() = default;
   // `done` of `total` units of `stage` ("grounding", "sampling", ...) are finished; total 0: unknown. Called a few times a second
   // at most by well-behaved work (see Stopwatch in the caller), from whichever thread.
-  virtual void progress(std::string_view stage, double done, double total) {
-    (void)stage, (void)done, (void)total;
-  }
+  virtual void progress(std::string_view stage, double done, double total) { (void)stage, (void)done, (void)total; }
   // True once the user wants an end: work stops at the next check and hands over what it has. Cheap.
   virtual bool interrupted() const { return false; }
 };

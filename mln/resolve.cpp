@@ -1,12 +1,12 @@
 // From syntax trees to a Model: declarations first, then every formula is typed against them (typing.h), then the whole
 // is checked (checks.h). All messages are collected; a model with errors is not handed out.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <set>
 #include <utility>
-
-#include <fmt/format.h>
 
 #include "mln/checks.h"
 #include "mln/model.h"
@@ -93,14 +93,15 @@ class ModelBuilder : public Vocabulary {
 
   std::optional<ConstantIndex> constant(DomainId id, const syntax::Term& term) override {
     Domain& domain = model_.domains_[id.index()];
-    const auto [entry, is_new] = domain.index.try_emplace(term.name, static_cast<ConstantIndex>(domain.constants.size()));
+    const auto [entry, is_new] =
+        domain.index.try_emplace(term.name, static_cast<ConstantIndex>(domain.constants.size()));
     if (!is_new) return entry->second;
     if (domain.declared) {
       // Only constants that could be meant are suggested, and only while somebody may read it.
       const bool shown = diagnostics_.warning_count() < Diagnostics::kMaxShown;
       diagnostics_.warning("widened-domain", term.place,
-                           fmt::format("'{}' is not among the declared constants of domain '{}' and is added{}", term.name,
-                                       domain.name, shown ? suggestion(term.name, domain.constants) : ""),
+                           fmt::format("'{}' is not among the declared constants of domain '{}' and is added{}",
+                                       term.name, domain.name, shown ? suggestion(term.name, domain.constants) : ""),
                            {{domain.place, fmt::format("'{}' is declared here", domain.name)}});
     }
     domain.constants.push_back(term.name);
@@ -113,9 +114,9 @@ class ModelBuilder : public Vocabulary {
 
   void unknown_predicate(const syntax::Formula& atom) override {
     if (partial_) return;
-    diagnostics_.error("unknown-predicate", atom.place,
-                       fmt::format("predicate '{}' is not declared{}", atom.name,
-                                   suggestion(atom.name, predicate_names_)));
+    diagnostics_.error(
+        "unknown-predicate", atom.place,
+        fmt::format("predicate '{}' is not declared{}", atom.name, suggestion(atom.name, predicate_names_)));
   }
 
  private:
@@ -241,9 +242,10 @@ class ModelBuilder : public Vocabulary {
     formula.weight = statement.weight && !formula.hard ? *statement.weight : 0.0;
     if (!statement.unique.empty()) add_unique_group(statement, formula);
     if (typed->star_atoms.size() > kMaxStarAtoms) {
-      diagnostics_.error("template", statement.place,
-                         fmt::format("formula has {} '*' atoms and would stand for 2^{} formulas; at most {} are allowed",
-                                     typed->star_atoms.size(), typed->star_atoms.size(), kMaxStarAtoms));
+      diagnostics_.error(
+          "template", statement.place,
+          fmt::format("formula has {} '*' atoms and would stand for 2^{} formulas; at most {} are allowed",
+                      typed->star_atoms.size(), typed->star_atoms.size(), kMaxStarAtoms));
     }
     if (diagnostics_.error_count() > errors_before) return;
     if (!formula.has_weight && !partial_) {
@@ -258,10 +260,10 @@ class ModelBuilder : public Vocabulary {
     const auto fail = [&](std::string text) { diagnostics_.error("unique", statement.place, std::move(text)); };
     for (const std::string& written : statement.unique) {
       const std::string name = written.substr(std::min(written.find_first_not_of("+?"), written.size()));
-      const auto found = std::find_if(formula.variables.begin(), formula.variables.end(), [&](const FormulaVariable& v) {
-        return v.name == name && !v.quantified;
-      });
-      if (found == formula.variables.end()) return fail(fmt::format("'{}' in #unique is no variable of the formula", name));
+      const auto found = std::find_if(formula.variables.begin(), formula.variables.end(),
+                                      [&](const FormulaVariable& v) { return v.name == name && !v.quantified; });
+      if (found == formula.variables.end())
+        return fail(fmt::format("'{}' in #unique is no variable of the formula", name));
       if (!found->plus) return fail(fmt::format("'{}' in #unique is not written '+{}' in the formula", name, name));
       const auto index = static_cast<std::uint32_t>(found - formula.variables.begin());
       if (std::find(group.begin(), group.end(), index) != group.end()) {

@@ -28,10 +28,10 @@ struct Term {
 };
 
 enum class Kind : std::uint8_t {
-  kAtom,       // name(terms)
-  kStarAtom,   // *name(terms): stands for both signs
-  kEqual,      // terms[0] = terms[1]
-  kNotEqual,   // =/= and !=
+  kAtom,      // name(terms)
+  kStarAtom,  // *name(terms): stands for both signs
+  kEqual,     // terms[0] = terms[1]
+  kNotEqual,  // =/= and !=
   kLess,
   kLessEqual,
   kGreater,
@@ -75,12 +75,12 @@ struct PredicateDeclaration {
 };
 
 struct WeightedFormula {
-  std::optional<double> weight;         // evaluated
-  std::string weight_text;              // as written, for the printer
-  bool hard = false;                    // ended in '.'
-  bool negated = false;                 // logx(0): hard, and negated
-  bool fixed = false;                   // #fixweight or @w
-  std::vector<std::string> unique;      // #unique{+a,+b}: the names
+  std::optional<double> weight;     // evaluated
+  std::string weight_text;          // as written, for the printer
+  bool hard = false;                // ended in '.'
+  bool negated = false;             // logx(0): hard, and negated
+  bool fixed = false;               // #fixweight or @w
+  std::vector<std::string> unique;  // #unique{+a,+b}: the names
   Formula formula;
   Place place;
 };

@@ -3,14 +3,14 @@
 // allows formulas to be.
 #include "mln/typing.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <unordered_map>
 #include <utility>
-
-#include <fmt/format.h>
 
 namespace sherlog {
 
@@ -215,8 +215,8 @@ class Typer {
     slot.domain = domain;
     if (!is_variable_in(slot, domain)) {
       if (term.plus) {
-        const bool misses_mark = question_style_ && !is_capitalised(term.name) &&
-                                 term.kind == syntax::Term::Kind::kIdentifier;
+        const bool misses_mark =
+            question_style_ && !is_capitalised(term.name) && term.kind == syntax::Term::Kind::kIdentifier;
         error("template", term.place,
               fmt::format("'+' needs a variable, '{}' is a constant{}", term.name,
                           misses_mark ? fmt::format("; write '+?{}'", term.name) : ""));
@@ -300,13 +300,13 @@ class Typer {
   }
 
   void report_no_domain(const syntax::Term& term) {
-    const bool constant = term.kind == syntax::Term::Kind::kQuoted || term.kind == syntax::Term::Kind::kNumber ||
-                          (term.kind == syntax::Term::Kind::kIdentifier &&
-                           (question_style_ || is_capitalised(term.name)));
+    const bool constant =
+        term.kind == syntax::Term::Kind::kQuoted || term.kind == syntax::Term::Kind::kNumber ||
+        (term.kind == syntax::Term::Kind::kIdentifier && (question_style_ || is_capitalised(term.name)));
     if (!reported_.insert_or_assign(term.name, true).second) return;
-    error("no-domain", term.place,
-          fmt::format("{} '{}' has no domain: no predicate gives it one", constant ? "constant" : "variable",
-                      term.name));
+    error(
+        "no-domain", term.place,
+        fmt::format("{} '{}' has no domain: no predicate gives it one", constant ? "constant" : "variable", term.name));
   }
 
   void report_variables_without_domain() {
@@ -328,10 +328,11 @@ class Typer {
     for (const auto& [name, member] : member_places_) {
       for (const Variable& variable : variables_) {
         if (!variable.plain || variable.typed.name != name) continue;
-        diagnostics_.warning("variable-and-constant", member.first,
-                             fmt::format("'{}' is a constant of domain '{}' here, but a variable elsewhere in the formula",
-                                         name, vocabulary_.domain_name(member.second)),
-                             {{variable.place, fmt::format("here '{}' is a variable", name)}});
+        diagnostics_.warning(
+            "variable-and-constant", member.first,
+            fmt::format("'{}' is a constant of domain '{}' here, but a variable elsewhere in the formula", name,
+                        vocabulary_.domain_name(member.second)),
+            {{variable.place, fmt::format("here '{}' is a variable", name)}});
         break;
       }
     }
@@ -380,13 +381,20 @@ class Typer {
 
   static NodeKind connective(syntax::Kind kind) {
     switch (kind) {
-      case syntax::Kind::kNot: return NodeKind::kNot;
-      case syntax::Kind::kAnd: return NodeKind::kAnd;
-      case syntax::Kind::kOr: return NodeKind::kOr;
-      case syntax::Kind::kImplies: return NodeKind::kImplies;
-      case syntax::Kind::kIff: return NodeKind::kIff;
-      case syntax::Kind::kForall: return NodeKind::kForall;
-      default: return NodeKind::kExists;
+      case syntax::Kind::kNot:
+        return NodeKind::kNot;
+      case syntax::Kind::kAnd:
+        return NodeKind::kAnd;
+      case syntax::Kind::kOr:
+        return NodeKind::kOr;
+      case syntax::Kind::kImplies:
+        return NodeKind::kImplies;
+      case syntax::Kind::kIff:
+        return NodeKind::kIff;
+      case syntax::Kind::kForall:
+        return NodeKind::kForall;
+      default:
+        return NodeKind::kExists;
     }
   }
 
@@ -415,7 +423,7 @@ class Typer {
   Diagnostics& diagnostics_;
   bool question_style_ = false;  // plain names are constants, because variables are written ?x
   bool failed_ = false;
-  bool atom_failed_ = false;     // domains are missing for that reason alone: no message about them
+  bool atom_failed_ = false;  // domains are missing for that reason alone: no message about them
   std::vector<Variable> variables_;
   std::vector<Slot> slots_;
   std::vector<Comparison> comparisons_;

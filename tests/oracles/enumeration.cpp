@@ -16,9 +16,15 @@ bool evaluate(const GroundNetwork& network, Literal literal, const std::vector<s
     const auto inputs = network.gate_inputs(literal.gate());
     const auto true_inputs = std::ranges::count_if(inputs, [&](Literal l) { return evaluate(network, l, values); });
     switch (network.gate_kind(literal.gate())) {
-      case GateKind::kOr: truth = true_inputs > 0; break;
-      case GateKind::kIff: truth = true_inputs != 1; break;
-      case GateKind::kAtMostOne: truth = true_inputs <= 1; break;
+      case GateKind::kOr:
+        truth = true_inputs > 0;
+        break;
+      case GateKind::kIff:
+        truth = true_inputs != 1;
+        break;
+      case GateKind::kAtMostOne:
+        truth = true_inputs <= 1;
+        break;
     }
   }
   return truth != literal.negated();

@@ -11,10 +11,10 @@
 namespace sherlog::oracle {
 
 struct Enumeration {
-  bool possible = false;           // some world meets all constraints
-  double log_partition = 0.0;      // constant_score and free_log_count included
-  double best_score = 0.0;         // of a most probable world, constant_score included
-  std::vector<double> marginals;   // by query
+  bool possible = false;               // some world meets all constraints
+  double log_partition = 0.0;          // constant_score and free_log_count included
+  double best_score = 0.0;             // of a most probable world, constant_score included
+  std::vector<double> marginals;       // by query
   std::vector<double> atom_marginals;  // by atom
   double worlds = 0;
 };
@@ -29,8 +29,8 @@ struct RandomNetworkOptions {
   std::uint32_t variables = 8;
   std::uint32_t features = 12;
   std::uint32_t constraints = 3;
-  double block_share = 0.3;     // of the variables are blocks with 2 to 4 candidates
-  double weight = 2.0;          // largest absolute weight
+  double block_share = 0.3;  // of the variables are blocks with 2 to 4 candidates
+  double weight = 2.0;       // largest absolute weight
   std::uint32_t max_inputs = 4;
 };
 // Nested random formulas as features, hard clauses as constraints, every atom and two formulas queried.

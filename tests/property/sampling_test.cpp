@@ -71,8 +71,8 @@ TEST(McSat, IsNearEnumerationWithHonestErrorsOnRandomNetworks) { compare_with_en
 TEST(Gibbs, IsNearEnumerationWithHonestErrorsOnRandomNetworksOrRefuses) { compare_with_enumeration("gibbs"); }
 
 // An attractive or mixed pair network on a graph, with fields; queried everywhere.
-GroundNetwork pairs(std::uint32_t variables, const std::vector<std::pair<std::uint32_t, std::uint32_t>>& edges, double coupling,
-                    std::uint64_t seed) {
+GroundNetwork pairs(std::uint32_t variables, const std::vector<std::pair<std::uint32_t, std::uint32_t>>& edges,
+                    double coupling, std::uint64_t seed) {
   NetworkBuilder builder;
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
@@ -83,7 +83,8 @@ GroundNetwork pairs(std::uint32_t variables, const std::vector<std::pair<std::ui
     builder.add_query({Literal::atom(AtomId(v)), false, ""});
   }
   for (const auto& [a, b] : edges) {
-    builder.add_feature(builder.make_iff(Literal::atom(AtomId(a)), Literal::atom(AtomId(b))), coupling * uniform(random), weight);
+    builder.add_feature(builder.make_iff(Literal::atom(AtomId(a)), Literal::atom(AtomId(b))),
+                        coupling * uniform(random), weight);
   }
   return builder.build();
 }

@@ -7,7 +7,9 @@
 namespace sherlog {
 namespace {
 
-Literal value(NetworkBuilder& b, VariableId v, std::uint32_t i) { return Literal::atom(AtomId(b.first_atom(v).value + i)); }
+Literal value(NetworkBuilder& b, VariableId v, std::uint32_t i) {
+  return Literal::atom(AtomId(b.first_atom(v).value + i));
+}
 
 TEST(NetworkBuilder, AnOrWithAComplementIsTrue) {
   NetworkBuilder b;

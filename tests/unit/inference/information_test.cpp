@@ -185,14 +185,16 @@ TEST(Information, WhatCannotBeAnsweredIsRefused) {
     const VariableId asked = builder.add_boolean();
     builder.add_query({Literal::atom(builder.first_atom(asked)), false, ""});
     const std::vector<VariableId> outcome{asked};
-    EXPECT_EQ(expected_information(builder.build(), outcome, exact_questions(), monitor).termination, Termination::kRefused);
+    EXPECT_EQ(expected_information(builder.build(), outcome, exact_questions(), monitor).termination,
+              Termination::kRefused);
   }
   {
     NetworkBuilder builder;
     const VariableId asked = builder.add_boolean(), seen = builder.add_boolean();
     builder.add_query({Literal::atom(builder.first_atom(asked)), true, "X0"});
     const std::vector<VariableId> outcome{seen};
-    EXPECT_EQ(expected_information(builder.build(), outcome, exact_questions(), monitor).termination, Termination::kRefused);
+    EXPECT_EQ(expected_information(builder.build(), outcome, exact_questions(), monitor).termination,
+              Termination::kRefused);
   }
   {
     // One outcome that is tied to fifteen asked booleans by one formula: 2^15 joint values.

@@ -63,7 +63,8 @@ TEST(MapReduction, AWeighedPrivateAtomIsMaximisedOut) {
   std::vector<std::uint32_t> values(2, 7);
   reduction.lift({}, values);
   EXPECT_EQ(values, (std::vector<std::uint32_t>{1, 1}));
-  EXPECT_NEAR(network.constant_score() + reduction.rest().constant_score(), oracle::enumerate(network).best_score, 1e-12);
+  EXPECT_NEAR(network.constant_score() + reduction.rest().constant_score(), oracle::enumerate(network).best_score,
+              1e-12);
 }
 
 TEST(MapReduction, CandidatesThatNothingMentionsStandInForEachOther) {

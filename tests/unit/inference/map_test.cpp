@@ -116,7 +116,8 @@ TEST(Map, NamesAConflictWhereNoWorldIsPossible) {
   }
   for (std::size_t p = 0; p < 3; ++p) {
     for (std::size_t q = p + 1; q < 3; ++q) {
-      for (std::size_t hole = 0; hole < 2; ++hole) builder.add_constraint(clause(builder, {~in[p][hole], ~in[q][hole]}), FormulaId(1));
+      for (std::size_t hole = 0; hole < 2; ++hole)
+        builder.add_constraint(clause(builder, {~in[p][hole], ~in[q][hole]}), FormulaId(1));
     }
   }
   const GroundNetwork network = builder.build();

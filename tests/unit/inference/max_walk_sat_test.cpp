@@ -49,7 +49,8 @@ TEST(MaxWalkSat, MovesBlocksAsAWhole) {
     builder.add_feature(Literal::atom(AtomId(first[b] + b)), 1.0, weight);
     for (std::uint32_t c = b + 1; c < n; ++c) {
       for (std::uint32_t value = 0; value < n; ++value) {
-        std::vector<Literal> inputs{Literal::atom(AtomId(first[b] + value), true), Literal::atom(AtomId(first[c] + value), true)};
+        std::vector<Literal> inputs{Literal::atom(AtomId(first[b] + value), true),
+                                    Literal::atom(AtomId(first[c] + value), true)};
         builder.add_constraint(builder.make_or(inputs), FormulaId(0));
       }
     }

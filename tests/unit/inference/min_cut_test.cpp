@@ -36,7 +36,8 @@ GroundNetwork pairs(std::mt19937_64& random, std::uint32_t atoms, std::uint32_t 
       builder.add_feature(builder.make_or(inputs), std::abs(uniform(random)), weight);
     } else {
       std::vector<Literal> inputs{atom(a, random() % 2 == 0), atom(b, random() % 2 == 0)};
-      builder.add_feature(random() % 3 == 0 ? builder.make_iff(inputs[0], inputs[1]) : builder.make_or(inputs), uniform(random), weight);
+      builder.add_feature(random() % 3 == 0 ? builder.make_iff(inputs[0], inputs[1]) : builder.make_or(inputs),
+                          uniform(random), weight);
     }
   }
   return builder.build();

@@ -4,6 +4,7 @@
 #include "inference/at_most_one.h"
 #include "inference/block_recognition.h"
 #include "inference/group_lifting.h"
+#include "inference/inference.h"
 #include "tests/oracles/enumeration.h"
 
 namespace sherlog {
@@ -158,6 +159,76 @@ TEST(RecognisedBlocks, AnExactlyOneGroupBecomesOneVariable) {
   EXPECT_EQ(recognised->network.constraints().size(), 0u);
   EXPECT_EQ(network.atom_text(AtomId(2)), recognised->network.atom_text(recognised->atom[2]));
   expect_same_marginals(network, recognised->network);
+}
+
+TEST(RecognisedBlocks, EveryAnswerIsThatOfTheNetworkThatSpeltThemOut) {
+  std::mt19937_64 random(5);
+  const auto below = [&](std::uint64_t n) { return static_cast<std::size_t>(random() % n); };
+  std::size_t impossible = 0, recognised = 0;
+  for (int round = 0; round < 200; ++round) {
+    NetworkBuilder b;
+    const WeightId weight = b.add_weight({FormulaId(0), {}, 1.0});
+    std::vector<Literal> atoms;
+    for (int i = 0; i < 8; ++i) {
+      atoms.push_back(Literal::atom(b.first_atom(b.add_boolean())));
+      b.add_query({atoms.back(), false, ""});
+    }
+    const auto some = [&](std::size_t count) {
+      std::vector<Literal> inputs;
+      for (std::size_t i = 0; i < count; ++i) inputs.push_back(below(2) == 0 ? ~atoms[below(8)] : atoms[below(8)]);
+      return b.make_or(inputs);
+    };
+    for (const std::size_t first : {0u, 3u}) {  // two groups of three
+      std::vector<Literal> group(atoms.begin() + static_cast<std::ptrdiff_t>(first),
+                                 atoms.begin() + static_cast<std::ptrdiff_t>(first) + 3);
+      for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t j = 0; j < i; ++j) {
+          std::vector<Literal> pair{~group[i], ~group[j]};
+          b.add_constraint(b.make_or(pair), FormulaId(0));
+        }
+      }
+      const Literal one = b.make_or(group);
+      b.add_constraint(one, FormulaId(0));
+      b.add_feature(one, 1.25, weight);  // always true: nothing but a constant
+      b.add_query({one, true, ""});
+    }
+    for (int i = 0; i < 6; ++i) {
+      const double w = static_cast<double>(below(600)) / 100 - 3;
+      b.add_feature(below(2) == 0 ? some(1 + below(3)) : b.make_iff(some(1 + below(2)), some(2)), w, weight);
+    }
+    bool decided = false;
+    for (std::size_t i = 0; i < below(4); ++i) decided = !b.add_constraint(some(2), FormulaId(0)) || decided;
+    if (decided) continue;
+    const GroundNetwork network = b.build();
+    const oracle::Enumeration expected = oracle::enumerate(network);
+    recognised += recognise_blocks(network) ? 1u : 0u;
+    Monitor monitor;
+    for (const char* method : {"exact", "auto", "map"}) {
+      InferenceOptions options;
+      options.method = method;
+      const InferenceResult got = infer(network, options, monitor);
+      SCOPED_TRACE(method);
+      if (!expected.possible) {
+        ++impossible;
+        EXPECT_EQ(got.termination, Termination::kNoPossibleWorld);
+        EXPECT_FALSE(got.conflict.empty());
+        continue;
+      }
+      ASSERT_EQ(got.termination, Termination::kCompleted) << got.message;
+      if (got.map) {
+        EXPECT_TRUE(got.map->optimal);
+        EXPECT_NEAR(got.map->log_score, expected.best_score, 1e-9);
+        EXPECT_NEAR(oracle::score(network, got.map->values).value(), expected.best_score, 1e-9);
+        continue;
+      }
+      EXPECT_NEAR(*got.log_partition, expected.log_partition, 1e-9);
+      for (std::size_t q = 0; q < expected.marginals.size(); ++q) {
+        EXPECT_NEAR(got.marginals[q].probability, expected.marginals[q], 1e-9);
+      }
+    }
+  }
+  EXPECT_GT(impossible, 0u);
+  EXPECT_GT(recognised, 50u);
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 // Typing of models: what names mean, which domain variables have, and what is refused.
+#include <gtest/gtest.h>
+
 #include <cstdlib>
 #include <string>
-
-#include <gtest/gtest.h>
 
 #include "mln/model.h"
 
@@ -159,23 +159,26 @@ TEST(Resolve, AVariableWithoutDomainIsAnError) {
 }
 
 TEST(Resolve, PlusOnAConstantIsAnError) {
-  EXPECT_NE(messages("A(d)\n1 A(+Anna)").find("m.mln:2:5: error: '+' needs a variable, 'Anna' is a constant [template]"),
-            std::string::npos);
+  EXPECT_NE(
+      messages("A(d)\n1 A(+Anna)").find("m.mln:2:5: error: '+' needs a variable, 'Anna' is a constant [template]"),
+      std::string::npos);
 }
 
 TEST(Resolve, ANameThatIsVariableAndConstantIsWarnedAbout) {
   const std::string text = messages("d = {a, b}\nA(d)\nB(e)\n1 A(a) ^ B(a)\n");
-  EXPECT_NE(text.find("m.mln:4:5: warning: 'a' is a constant of domain 'd' here, but a variable elsewhere in the formula "
-                      "[variable-and-constant]"),
-            std::string::npos)
+  EXPECT_NE(
+      text.find("m.mln:4:5: warning: 'a' is a constant of domain 'd' here, but a variable elsewhere in the formula "
+                "[variable-and-constant]"),
+      std::string::npos)
       << text;
 }
 
 TEST(Resolve, AConstantOutsideItsDeclaredDomainWidensItWithAWarning) {
-  EXPECT_NE(messages(kTable1 + "1 is(o, n, Stay) ^ outOfView(o)")
-                .find("warning: 'Stay' is not among the declared constants of domain 'explanations' and is added; did you "
-                      "mean 'stay'? [widened-domain]"),
-            std::string::npos);
+  EXPECT_NE(
+      messages(kTable1 + "1 is(o, n, Stay) ^ outOfView(o)")
+          .find("warning: 'Stay' is not among the declared constants of domain 'explanations' and is added; did you "
+                "mean 'stay'? [widened-domain]"),
+      std::string::npos);
 }
 
 TEST(Resolve, DeclarationsMayBeRepeatedButNotContradicted) {
@@ -208,15 +211,28 @@ TEST(Resolve, NonNumericConstantsCannotBeCompared) {
 TEST(Resolve, PublishedModelsLoad) {
   const char* const folder = std::getenv("SHERLOG_DATA");
   if (folder == nullptr) GTEST_SKIP() << "SHERLOG_DATA is not set";
-  for (const char* name :
-       {"kitchen_fusion.mln", "kitchen_fusion.learnt.mln", "pracmln/smokers/smoking.mln",
-        "pracmln/smokers/wts.pybpll.smoking-train-smoking.mln", "pracmln/alarm/alarm-kreator.mln",
-        "pracmln/alarm/alarm-noisyor.mln", "pracmln/vegetarians/vegetarian-motivation.mln",
-        "pracmln/tweety/tweety-noisyor.mln", "pracmln/tweety/tweety-kreator.mln", "bench/rc/rc1000.mln",
-        "bench/rc/rc1000.tuffy.mln", "bench/rc/rc_soft.mln", "bench/smokers/smokers.mln", "bench/smokers/smokers_formula.mln",
-        "bench/smokers/smokers_learn.mln", "bench/smokers/smokers_soft.mln", "bench/table1/er_cl.mln",
-        "bench/table1/er_cl_nofun.mln", "bench/table1/er_formula.mln", "bench/table1/er_formula_dom10.mln",
-        "bench/uwcse/uwcse.mln", "bench/uwcse/uwcse.tuffy.mln"}) {
+  for (const char* name : {"kitchen_fusion.mln",
+                           "kitchen_fusion.learnt.mln",
+                           "pracmln/smokers/smoking.mln",
+                           "pracmln/smokers/wts.pybpll.smoking-train-smoking.mln",
+                           "pracmln/alarm/alarm-kreator.mln",
+                           "pracmln/alarm/alarm-noisyor.mln",
+                           "pracmln/vegetarians/vegetarian-motivation.mln",
+                           "pracmln/tweety/tweety-noisyor.mln",
+                           "pracmln/tweety/tweety-kreator.mln",
+                           "bench/rc/rc1000.mln",
+                           "bench/rc/rc1000.tuffy.mln",
+                           "bench/rc/rc_soft.mln",
+                           "bench/smokers/smokers.mln",
+                           "bench/smokers/smokers_formula.mln",
+                           "bench/smokers/smokers_learn.mln",
+                           "bench/smokers/smokers_soft.mln",
+                           "bench/table1/er_cl.mln",
+                           "bench/table1/er_cl_nofun.mln",
+                           "bench/table1/er_formula.mln",
+                           "bench/table1/er_formula_dom10.mln",
+                           "bench/uwcse/uwcse.mln",
+                           "bench/uwcse/uwcse.tuffy.mln"}) {
     Diagnostics diagnostics;
     EXPECT_TRUE(parse_model_file(std::string(folder) + "/" + name, diagnostics)) << diagnostics.render();
   }
