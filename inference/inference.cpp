@@ -206,7 +206,7 @@ void infer_into(InferenceResult& result, const GroundNetwork& original, const In
   const Method* method = options.method == "auto" ? nullptr : find_method(options.method);
   const bool wants_map = method != nullptr && method->finds_map;
   // Constraints, variables and queries keep their numbers, so nothing in the result has to be translated back.
-  const std::optional<GroundNetwork> lifted = wants_map ? std::nullopt : lift_over_groups(original);
+  const std::optional<GroundNetwork> lifted = lift_over_groups(original);
   const GroundNetwork& network = lifted ? *lifted : original;
   std::vector<double> biases;
   std::vector<std::string> warnings;
