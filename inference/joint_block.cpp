@@ -172,7 +172,8 @@ class JointBlockBuilder {
     if (gate.outside_bit >= 0) return key;
     assignment_.resize(cardinalities_.size());
     in_scope_.resize(cardinalities_.size(), false);
-    for (const auto& [order, inputs] : groups) {
+    for (const auto& group : groups) {
+      const std::vector<Literal>& inputs = group.second;
       std::vector<std::uint32_t> scope, bits;
       for (Literal input : inputs) reads(input, scope, bits);
       if (scope.size() != 1 || !bits.empty() || scope[0] >= variables_.size() || cardinalities_[scope[0]] > 32)
@@ -239,7 +240,8 @@ class JointBlockBuilder {
     std::vector<std::uint32_t>& chain = known->second;
     std::int32_t previous = -1;
     std::size_t link = 0;
-    for (const auto& [order, inputs] : groups) {
+    for (const auto& group : groups) {
+      const std::vector<Literal>& inputs = group.second;
       if (is_new) chain.push_back(new_auxiliary());
       const std::uint32_t next = chain[link++];
       std::vector<std::uint32_t> scope, bits;

@@ -128,21 +128,31 @@ TEST(FoldAtMostOne, KeepsTheDistributionOfRandomNetworksWithBlocks) {
   EXPECT_GT(folded_count, 20);
 }
 
-TEST(RecognisedBlocks, AnExactlyOneGroupBecomesOneVariable) {
-  std::vector<Literal> atoms;
-  const PredicateId predicate(0);
+// One predicate p over A, B, ...
+NameTable one_predicate() {
   NameTable names;
   names.predicates = {"p"};
   names.predicate_domains = {{0}};
-  names.constants = {{"A", "B", "C", "D"}};
-  NetworkBuilder b(names);
-  const WeightId weight = b.add_weight({FormulaId(0), {}, 1.0});
-  for (ConstantIndex i = 0; i < 4; ++i) {
+  names.constants = {{"A", "B", "C", "D", "E", "F", "G", "H"}};
+  return names;
+}
+
+// p(A), p(B), ..., all queried.
+std::vector<Literal> add_atoms(NetworkBuilder& builder, std::size_t count) {
+  std::vector<Literal> atoms;
+  for (ConstantIndex i = 0; i < count; ++i) {
     const ConstantIndex argument[1] = {i};
-    atoms.push_back(Literal::atom(b.first_atom(b.add_variable(predicate, argument, 1, true))));
-    b.add_feature(atoms.back(), 0.3 * i, weight);
-    b.add_query({atoms.back(), false, ""});
+    atoms.push_back(Literal::atom(builder.first_atom(builder.add_variable(PredicateId(0), argument, 1, true))));
+    builder.add_query({atoms.back(), false, ""});
   }
+  return atoms;
+}
+
+TEST(RecognisedBlocks, AnExactlyOneGroupBecomesOneVariable) {
+  NetworkBuilder b(one_predicate());
+  const WeightId weight = b.add_weight({FormulaId(0), {}, 1.0});
+  const std::vector<Literal> atoms = add_atoms(b, 4);
+  for (std::size_t i = 0; i < 4; ++i) b.add_feature(atoms[i], 0.3 * static_cast<double>(i), weight);
   std::vector<Literal> some(atoms.begin(), atoms.begin() + 3);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < i; ++j) {
@@ -166,13 +176,9 @@ TEST(RecognisedBlocks, EveryAnswerIsThatOfTheNetworkThatSpeltThemOut) {
   const auto below = [&](std::uint64_t n) { return static_cast<std::size_t>(random() % n); };
   std::size_t impossible = 0, recognised = 0;
   for (int round = 0; round < 200; ++round) {
-    NetworkBuilder b;
+    NetworkBuilder b(one_predicate());
     const WeightId weight = b.add_weight({FormulaId(0), {}, 1.0});
-    std::vector<Literal> atoms;
-    for (int i = 0; i < 8; ++i) {
-      atoms.push_back(Literal::atom(b.first_atom(b.add_boolean())));
-      b.add_query({atoms.back(), false, ""});
-    }
+    const std::vector<Literal> atoms = add_atoms(b, 8);
     const auto some = [&](std::size_t count) {
       std::vector<Literal> inputs;
       for (std::size_t i = 0; i < count; ++i) inputs.push_back(below(2) == 0 ? ~atoms[below(8)] : atoms[below(8)]);
