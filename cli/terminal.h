@@ -16,7 +16,7 @@ namespace sherlog::cli {
 // Standard error is a terminal, and neither NO_COLOR nor TERM=dumb forbids colour.
 bool colour_on_stderr();
 
-// SIGINT sets the flag; SIGPIPE is ignored, so that a closed pipe is an error of write(); descriptors 0 to 2 are
+// SIGINT and SIGTERM set the flag; SIGPIPE is ignored, so that a closed pipe is an error of write(); descriptors 0 to 2 are
 // open afterwards, so that no file that is opened later takes the place of a closed standard output.
 void install_signal_handlers();
 

@@ -323,14 +323,16 @@ TEST_F(Cli, TimeLimitHoldsBeforeTheFirstDrawAsWell) {
 }
 
 TEST_F(Cli, InterruptHandsOverWhatThereIs) {
-  const Outcome outcome = scratch.shell(
-      "\"$S\" infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --json out.json & p=$!; "
-      "sleep 2; "
-      "kill -INT $p; wait $p");
-  EXPECT_EQ(outcome.code, 130) << outcome.err;
-  const json result = json::parse(scratch.read("out.json"));
-  EXPECT_EQ(result["termination"], "interrupted");
-  EXPECT_EQ(result["marginals"].size(), 3u);
+  for (const std::string signal : {"INT", "TERM"}) {
+    SCOPED_TRACE(signal);
+    const Outcome outcome = scratch.shell(
+        "\"$S\" infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --json " + signal +
+        ".json & p=$!; sleep 2; kill -" + signal + " $p; wait $p");
+    EXPECT_EQ(outcome.code, 130) << outcome.err;
+    const json result = json::parse(scratch.read(signal + ".json"));
+    EXPECT_EQ(result["termination"], "interrupted");
+    EXPECT_EQ(result["marginals"].size(), 3u);
+  }
 }
 
 TEST_F(Cli, RefusedMethodSaysWhatToUse) {
