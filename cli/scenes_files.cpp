@@ -78,7 +78,6 @@ void say_problems(Session& session, const std::string& file, const ImportResult&
   if (!result.failure.empty()) session.error(result.failure);
 }
 
-// One file; nothing of it stays where that is what the user wants.
 ImportResult import_file(SceneStore& store, const std::string& file, const ImportOptions& options, Session& session) {
   if (file == "-") return import_lines(store, std::cin, options, session.monitor());
   std::ifstream in(file, std::ios::binary);
@@ -89,6 +88,39 @@ ImportResult import_file(SceneStore& store, const std::string& file, const Impor
     return result;
   }
   return import_lines(store, in, options, session.monitor());
+}
+
+// With `stop` all files are one transaction: a bad line in the last one takes back the first one too.
+ImportResult import_files(SceneStore& store, const std::vector<std::string>& files, ImportOptions options,
+                          Session& session) {
+  const bool stops = options.on_error == OnError::kStop;
+  ImportResult sum;
+  const auto take_back = [&] {
+    store.roll_back();
+    sum.added = sum.replaced = sum.records = sum.clusters = 0;
+    session.error("nothing was imported");
+  };
+  options.in_transaction = stops;
+  if (stops && !store.begin()) {
+    sum.termination = Termination::kRefused;
+    sum.failure = store.problem();
+    session.error(sum.failure);
+    return sum;
+  }
+  for (const std::string& file : files) {
+    const ImportResult result = import_file(store, file, options, session);
+    say_problems(session, file, result, stops);
+    add_up(result, sum);
+    if (result.termination != Termination::kCompleted) break;
+  }
+  if (!stops) return sum;
+  if (sum.termination == Termination::kCompleted && !store.commit()) {
+    sum.termination = Termination::kRefused;
+    sum.failure = store.problem();
+    session.error(sum.failure);
+  }
+  if (sum.termination != Termination::kCompleted) take_back();
+  return sum;
 }
 
 int run_import(Options options, const Importing& importing) {
@@ -108,16 +140,7 @@ int run_import(Options options, const Importing& importing) {
   import_options.on_error = importing.on_error == "skip" ? OnError::kSkip : OnError::kStop;
   import_options.replace = importing.replace;
   import_options.limits.max_clusters = importing.max_clusters;
-  const bool stops = import_options.on_error == OnError::kStop;
-  ImportResult sum;
-  for (const std::string& file : importing.files) {
-    const ImportResult result = import_file(*store, file, import_options, session);
-    say_problems(session, file, result, stops);
-    add_up(result, sum);
-    if (result.termination == Termination::kCompleted) continue;
-    if (stops) session.error(fmt::format("nothing of '{}' was imported", file));
-    break;
-  }
+  const ImportResult sum = import_files(*store, importing.files, import_options, session);
   const std::uint64_t scenes = store->scene_count();
   const std::string text = fmt::format(
       "{} scenes with {} clusters added, {} replaced, {} records, {} lines skipped; the store has {} scenes\n",
@@ -188,9 +211,9 @@ void add_scenes_files(CLI::App& scenes, Action& action) {
     add_store_option(*command, importing->store);
     command->add_option("FILE", importing->files, "JSON lines; '-': standard input")->required()->type_name("");
     command
-        ->add_option(
-            "--on-error", importing->on_error,
-            "stop: a bad line takes the whole file back; skip: it is left out, and the rest goes on (default stop)")
+        ->add_option("--on-error", importing->on_error,
+                     "stop: a bad line takes everything back, of all files; skip: it is left out, and the rest goes on "
+                     "(default stop)")
         ->type_name("stop|skip")
         ->check(one_of({"stop", "skip"}));
     command->add_flag("--replace", importing->replace, "A scene whose id the store has takes its place");

@@ -20,24 +20,9 @@ struct Resolving {
   std::string mapping = "identity";
   double forget_seconds = std::numeric_limits<double>::infinity();
   bool dry_run = false, restart = false;
+  bool arbiter = false;
+  ArbiterOptions arbiter_options;
 };
-
-std::optional<Model> identity_model(Session& session, const std::string& name) {
-  auto model = name == "paper" ? parse_model(paper_identity_model(), "table1.mln", session.diagnostics())
-                               : parse_model_files({name}, session.diagnostics());
-  session.print_diagnostics();
-  return model;
-}
-
-std::optional<EvidenceMapping> pair_mapping(Session& session, const std::string& name) {
-  if (auto shipped = shipped_mapping(name)) return shipped;
-  const TextFile file = load_text_file(name);
-  std::string problem = file.problem;
-  const auto document = file.text ? parse_json(*file.text, problem) : std::nullopt;
-  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
-  if (!mapping) session.error(fmt::format("--mapping '{}': {}", name, problem));
-  return mapping;
-}
 
 // The objects of an earlier run, so that this one goes on from there.
 void resume(SceneStore& store, SceneTracker& tracker) {
@@ -74,6 +59,12 @@ void add_step(Table& table, const TrackingStep& step) {
   for (const std::string& object : step.disappeared) table.add_row({scene, "", object, "disappear"}), scene.clear();
   for (const std::string& object : step.hidden) table.add_row({scene, "", object, "hidden"}), scene.clear();
   table.add_gap();
+}
+
+std::string arbiter_text(const ArbiterCounts& counts) {
+  return fmt::format(
+      "the model was asked in {} of them ({:.1f} %): {} with trackers that contradict each other, {} unsure\n",
+      counts.calls(), 100 * counts.share_of_calls(), counts.contradicted, counts.unsure);
 }
 
 // The steps that were new; a step that has no answer ends it.
@@ -120,13 +111,22 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
       return session.error(problem.empty() ? "the belief could not be stored" : problem), kBadInput;
     }
   }
-  const std::string text =
-      fmt::format("{} scenes, {} objects\n\n{}", beliefs.size(), tracker.objects().size(), table.text());
+  std::string text = fmt::format("{} scenes, {} objects\n", beliefs.size(), tracker.objects().size());
+  const auto counts = tracker.arbiter_counts();
+  if (counts) text += arbiter_text(*counts);
+  text += "\n" + table.text();
   return session.finish(exit_code(termination), text, [&] {
     Json json{{"schema", "sherlog.track.resolve/1"},
               {"termination", to_string(termination)},
               {"objects", Json::array()},
               {"steps", steps}};
+    if (counts) {
+      json["arbiter"] = {{"scenes", counts->scenes},
+                         {"contradicted", counts->contradicted},
+                         {"unsure", counts->unsure},
+                         {"calls", counts->calls()},
+                         {"share_of_calls", counts->share_of_calls()}};
+    }
     for (const TrackedObject& object : tracker.objects()) {
       json["objects"].push_back({{"id", object.identity.id},
                                  {"lastSeen", object.identity.last_seen},
@@ -142,6 +142,8 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
 int run_resolve(Options options, const Resolving& resolving) {
   Session session(std::move(options));
   if (!session.check_options()) return kBadInput;
+  if (const std::string bad = validate(resolving.arbiter_options); !bad.empty())
+    return session.error(fmt::format("--sure: {}", bad)), kBadInput;
   auto model = identity_model(session, resolving.model);
   auto mapping = pair_mapping(session, resolving.mapping);
   if (!model || !mapping) return kBadInput;
@@ -151,11 +153,29 @@ int run_resolve(Options options, const Resolving& resolving) {
   auto tracker = SceneTracker::make(std::move(*model), std::move(*mapping), session.inference_options(),
                                     {.forget_seconds = resolving.forget_seconds}, problem);
   if (!tracker) return session.error(problem), kBadInput;
+  if (resolving.arbiter) tracker->use_arbiter(TrackingArbiter(default_trackers(), resolving.arbiter_options));
   if (!resolving.restart) resume(*store, *tracker);
   return resolve_scenes(session, *store, *tracker, resolving);
 }
 
 }  // namespace
+
+std::optional<Model> identity_model(Session& session, const std::string& name) {
+  auto model = name == "paper" ? parse_model(paper_identity_model(), "table1.mln", session.diagnostics())
+                               : parse_model_files({name}, session.diagnostics());
+  session.print_diagnostics();
+  return model;
+}
+
+std::optional<EvidenceMapping> pair_mapping(Session& session, const std::string& name) {
+  if (auto shipped = shipped_mapping(name)) return shipped;
+  const TextFile file = load_text_file(name);
+  std::string problem = file.problem;
+  const auto document = file.text ? parse_json(*file.text, problem) : std::nullopt;
+  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
+  if (!mapping) session.error(fmt::format("--mapping '{}': {}", name, problem));
+  return mapping;
+}
 
 void add_track_resolve(CLI::App& track, Action& action) {
   auto options = std::make_shared<Options>();
@@ -175,6 +195,12 @@ void add_track_resolve(CLI::App& track, Action& action) {
       ->type_name("S");
   command->add_flag("--dry-run", resolving->dry_run, "Leave the store as it is");
   command->add_flag("--restart", resolving->restart, "From the first scene on, without the objects of earlier runs");
+  command->add_flag("--arbiter", resolving->arbiter,
+                    "Let trackers of position, colour and shape vote; ask the model only where they do not agree");
+  command
+      ->add_option("--sure", resolving->arbiter_options.sure,
+                   "With --arbiter: the least probability of what it decides (default 0.8)")
+      ->type_name("P");
   add_time_options(*command, resolving->store);
   add_inference_options(*command, *options);
   add_common_options(*command, *options);

@@ -193,13 +193,14 @@ Value identity_record(const Identity& identity) {
 ImportResult import_lines(SceneStore& store, std::istream& in, const ImportOptions& options, Monitor& monitor) {
   Importer importer(store, options);
   ImportResult& result = importer.result;
+  const bool own = !options.in_transaction || options.on_error == OnError::kSkip;
   const auto end_with = [&](Termination termination, const std::string& failure) {
-    store.roll_back();
+    if (own) store.roll_back();
     result.termination = termination;
     result.failure = failure;
     return std::move(result);
   };
-  if (!store.begin()) return end_with(Termination::kRefused, store.problem());
+  if (own && !store.begin()) return end_with(Termination::kRefused, store.problem());
   std::string line;
   std::uint64_t number = 0, since_commit = 0;
   // What of the counts is committed: a failing store takes the rest back.
@@ -234,7 +235,7 @@ ImportResult import_lines(SceneStore& store, std::istream& in, const ImportOptio
       committed = result;
     }
   }
-  if (in.bad() || !store.commit()) {
+  if (in.bad() || (own && !store.commit())) {
     take_back();
     return end_with(Termination::kRefused, in.bad() ? "the file cannot be read to its end" : store.problem());
   }

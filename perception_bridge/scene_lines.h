@@ -29,6 +29,8 @@ struct ImportOptions {
   bool replace = false;  // a scene whose id the store has; else that is an error
   SceneLimits limits;
   std::uint32_t batch = 200;  // kSkip: scenes of one transaction
+  // kStop: the caller has begun a transaction, e.g. over several files, and ends it, whatever comes of this.
+  bool in_transaction = false;
 };
 
 struct LineProblem {
@@ -47,7 +49,6 @@ struct ImportResult {
   static constexpr std::size_t kMostProblems = 20;
 };
 
-// `in_transaction`: the caller has begun one and ends it; else this does.
 ImportResult import_lines(SceneStore& store, std::istream& in, const ImportOptions& options, Monitor& monitor);
 
 struct ExportOptions {

@@ -3,48 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
-
-#include "perception_bridge/identity_belief.h"
-#include "perception_bridge/observe.h"
-#include "perception_bridge/view.h"
 
 namespace sherlog {
 namespace {
 
 constexpr double kWorthNaming = 0.01;
-constexpr std::array<const char*, 4> kAnswers = {"is", "appear", "disappear", "hidden"};
-constexpr std::array<const char*, 3> kSame = {"stay", "move", "newview"};
-
-// Position by constant; `count` for constants that are none of the clusters.
-std::vector<std::size_t> positions(const Model& model, const Evidence& evidence, DomainId domain,
-                                   const std::string& prefix, std::size_t count) {
-  std::vector<std::size_t> by_constant(evidence.domain_size(model, domain), count);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (const auto c = evidence.find_constant(model, domain, fmt::format("{}{}", prefix, i))) by_constant[*c] = i;
-  }
-  return by_constant;
-}
-
-IdentityBelief belief_of(const StandingQuestion& question, const StandingQuestion::Answer& answer,
-                         const EvidenceMapping& mapping, std::size_t olds, std::size_t news) {
-  IdentityBelief belief(olds, news);
-  const Model& model = question.model();
-  const PredicateId is = *model.find_predicate("is");
-  const auto& domains = model.predicate(is).domains;
-  const auto old_position = positions(model, *answer.evidence, domains[0], mapping.old_clusters.prefix, olds);
-  const auto new_position = positions(model, *answer.evidence, domains[1], mapping.new_clusters.prefix, news);
-  for (const StandingQuestion::Atom& atom : answer.atoms) {
-    if (atom.predicate != is) continue;
-    const std::size_t o = old_position[atom.arguments[0]], n = new_position[atom.arguments[1]];
-    if (o >= olds || n >= news) continue;
-    for (std::size_t k = 0; k < kSame.size(); ++k) {
-      if (model.domain(domains[2]).find(kSame[k]) == atom.arguments[2]) belief.pair(o, n)[k] = atom.probability;
-    }
-  }
-  return belief;
-}
 
 // New annotations replace old ones of the same type and source, others stay.
 Cluster merged(const Cluster& before, Cluster now) {
@@ -62,43 +26,23 @@ Cluster merged(const Cluster& before, Cluster now) {
 
 }  // namespace
 
-SceneTracker::SceneTracker(StandingQuestion question, EvidenceMapping mapping, TrackerOptions options)
-    : question_(std::make_unique<StandingQuestion>(std::move(question))),
-      mapping_(std::move(mapping)),
-      options_(std::move(options)) {}
+SceneTracker::SceneTracker(AssociationQuestion question, TrackerOptions options)
+    : question_(std::move(question)), options_(std::move(options)) {}
 
 std::optional<SceneTracker> SceneTracker::make(Model model, EvidenceMapping mapping, InferenceOptions inference,
                                                TrackerOptions options, std::string& problem) {
-  std::vector<std::string> needed(kAnswers.begin(), kAnswers.end());
-  std::vector<std::string> given;
-  for (const PairRule& rule : mapping.pairs) given.push_back(rule.predicate);
-  if (!mapping.out_of_view.empty()) given.push_back(mapping.out_of_view);
-  needed.insert(needed.end(), given.begin(), given.end());
-  for (const std::string& name : needed) {
-    if (model.find_predicate(name)) continue;
-    problem = fmt::format("the model does not declare '{}'", name);
-    return std::nullopt;
-  }
-  if (mapping.pairs.empty()) {
-    problem = fmt::format("the mapping '{}' has no rule for pairs of clusters", mapping.name);
-    return std::nullopt;
-  }
-  const auto& domains = model.predicate(*model.find_predicate("is")).domains;
-  const bool good = domains.size() == 3 && std::all_of(kSame.begin(), kSame.end(), [&](const char* word) {
-                      return model.domain(domains[2]).find(word).has_value();
-                    });
-  if (!good) {
-    problem =
-        "'is' must have three arguments: old cluster, new cluster, and an explanation that is stay, move or newview";
-    return std::nullopt;
-  }
-  std::vector<std::string> open;
-  for (const Predicate& predicate : model.predicates()) {
-    if (std::find(given.begin(), given.end(), predicate.name) == given.end()) open.push_back(predicate.name);
-  }
-  StandingQuestion question(std::move(model), {kAnswers.begin(), kAnswers.end()}, std::move(open),
-                            std::move(inference));
-  return SceneTracker(std::move(question), std::move(mapping), std::move(options));
+  auto question = AssociationQuestion::make(std::move(model), std::move(mapping), std::move(inference), problem);
+  if (!question) return std::nullopt;
+  return SceneTracker(std::move(*question), std::move(options));
+}
+
+void SceneTracker::use_arbiter(TrackingArbiter arbiter) {
+  arbiter_ = std::move(arbiter);
+  for (const TrackedObject& object : objects_) arbiter_->resume(object.identity.id, object.cluster);
+}
+
+std::optional<ArbiterCounts> SceneTracker::arbiter_counts() const {
+  return arbiter_ ? std::optional(arbiter_->counts()) : std::nullopt;
 }
 
 std::string SceneTracker::new_name() {
@@ -112,18 +56,97 @@ std::string SceneTracker::new_name() {
 
 void SceneTracker::resume(Identity identity, Cluster cluster, double time) {
   last_time_ = std::max(last_time_.value_or(time), time);
+  if (arbiter_) arbiter_->resume(identity.id, cluster);
   objects_.push_back({std::move(identity), std::move(cluster)});
 }
 
-void SceneTracker::take_new(const Scene& scene, const Cluster& cluster, double probability, TrackingStep& step) {
+SceneTracker::Candidates SceneTracker::candidates_of(const Scene& scene) const {
+  Candidates candidates;
+  for (std::size_t i = 0; i < objects_.size(); ++i) {
+    if (scene.timestamp - objects_[i].identity.last_seen > options_.forget_seconds) continue;
+    candidates.objects.push_back(i);
+    candidates.names.push_back(objects_[i].identity.id);
+    candidates.looks.push_back(objects_[i].cluster);
+  }
+  candidates.out_of_view = out_of_view_of(candidates.looks, scene);
+  return candidates;
+}
+
+// Nothing where the model has to be asked.
+std::optional<SceneTracker::Finding> SceneTracker::arbitrate(const Scene& scene, const Candidates& candidates,
+                                                             TrackingStep& step) const {
+  if (!arbiter_) return std::nullopt;
+  Judgement judgement = arbiter_->judge(scene, candidates.names, candidates.out_of_view);
+  step.verdict = judgement.verdict;
+  step.reason = judgement.reason;
+  for (std::size_t n = 0; n < scene.clusters.size(); ++n) step.clusters[n].votes = std::move(judgement.votes[n]);
+  if (judgement.verdict != Verdict::kAgreed) return std::nullopt;
+  step.method = "arbiter";
+  Finding finding;
+  finding.probability = std::move(judgement.probability);
+  finding.others.resize(scene.clusters.size());
+  finding.resolution.association.resize(scene.clusters.size());
+  finding.resolution.explanation.resize(candidates.objects.size());  // only that of the matched ones is read
+  for (std::size_t n = 0; n < scene.clusters.size(); ++n) {
+    if (const auto o = judgement.association[n]) {
+      finding.resolution.association[n] = static_cast<std::uint32_t>(*o);
+      finding.resolution.explanation[*o] = ClusterExplanation::kStay;
+    }
+  }
+  return finding;
+}
+
+// Nothing where it has no answer; the step says why.
+std::optional<SceneTracker::Finding> SceneTracker::ask_model(const Scene& scene, const Candidates& candidates,
+                                                             TrackingStep& step, Monitor& monitor) const {
+  AssociationQuestion::Answer answer = question_.ask(candidates.looks, scene, monitor);
+  step.evidence = std::move(answer.evidence);
+  step.termination = answer.termination;
+  step.message = answer.message;
+  step.method = answer.method;
+  if (answer.termination != Termination::kCompleted) return std::nullopt;
+  const IdentityBelief& belief = answer.belief;
+  Finding finding;
+  finding.resolution = decide(belief, candidates.out_of_view);
+  for (std::size_t n = 0; n < scene.clusters.size(); ++n) {
+    const auto match = finding.resolution.association[n];
+    finding.probability.push_back(std::clamp(match ? belief.same(*match, n) : belief.appeared(n), 0.0, 1.0));
+    finding.others.emplace_back();
+    for (std::size_t o = 0; o < candidates.objects.size(); ++o) {
+      if ((match && *match == o) || belief.same(o, n) < kWorthNaming) continue;
+      finding.others.back().push_back({candidates.names[o], belief.same(o, n)});
+    }
+  }
+  return finding;
+}
+
+void SceneTracker::take_known(const Scene& scene, const Cluster& cluster, TrackedObject& object,
+                              const std::string& explanation, double probability) {
+  object.identity.last_seen = scene.timestamp;
+  object.identity.sightings.push_back({scene.id, cluster.id, scene.timestamp, probability, explanation});
+  object.cluster = merged(object.cluster, cluster);
+}
+
+TrackedObject& SceneTracker::take_new(const Scene& scene, const Cluster& cluster, double probability) {
   TrackedObject object;
   object.identity.id = new_name();
   object.identity.last_seen = scene.timestamp;
   object.identity.was_seen = object.identity.in_view = true;
   object.identity.sightings.push_back({scene.id, cluster.id, scene.timestamp, probability, "appear"});
   object.cluster = cluster;
-  step.clusters.push_back({cluster.id, object.identity.id, "appear", probability, {}});
-  objects_.push_back(std::move(object));
+  return objects_.emplace_back(std::move(object));
+}
+
+void SceneTracker::mark_unseen(const Candidates& candidates, const std::vector<bool>& seen, TrackingStep& step) {
+  for (std::size_t o = 0; o < candidates.objects.size(); ++o) {
+    Identity& identity = objects_[candidates.objects[o]].identity;
+    const bool out_of_view = candidates.out_of_view[o];
+    identity.was_seen = seen[o];
+    identity.in_view = seen[o] || !out_of_view;
+    // What is hidden now may have disappeared before.
+    if (seen[o] || !out_of_view) identity.disappeared = !seen[o];
+    if (!seen[o]) (out_of_view ? step.hidden : step.disappeared).push_back(identity.id);
+  }
 }
 
 TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
@@ -136,56 +159,37 @@ TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
         fmt::format("scene '{}' at {} is older than the last one, at {}", scene.id, scene.timestamp, *last_time_);
     return step;
   }
-  std::vector<std::size_t> candidates;
-  std::vector<Cluster> olds;
-  std::vector<bool> out_of_view;
-  const SceneView view = view_of(scene);
-  for (std::size_t i = 0; i < objects_.size(); ++i) {
-    if (scene.timestamp - objects_[i].identity.last_seen > options_.forget_seconds) continue;
-    candidates.push_back(i);
-    olds.push_back(objects_[i].cluster);
-    const auto position = position_of(objects_[i].cluster);
-    out_of_view.push_back(position && !sees(view, *position));
+  const Candidates candidates = candidates_of(scene);
+  step.clusters.resize(scene.clusters.size());
+  auto finding = arbitrate(scene, candidates, step);
+  if (!finding) finding = ask_model(scene, candidates, step, monitor);
+  if (!finding) {
+    step.clusters.clear();
+    return step;
   }
-  step.evidence = evidence_text(observe_change(mapping_, olds, scene));
-  const StandingQuestion::Answer answer = question_->ask(step.evidence, monitor);
-  step.termination = answer.termination;
-  step.message = answer.message;
-  step.method = answer.method;
-  if (answer.termination != Termination::kCompleted) return step;
-  const IdentityBelief belief = belief_of(*question_, answer, mapping_, olds.size(), scene.clusters.size());
-  const Resolution resolution = decide(belief, out_of_view);
-
   last_time_ = scene.timestamp;
-  std::vector<bool> seen(olds.size(), false);
+  std::vector<bool> seen(candidates.objects.size(), false);
+  std::vector<std::string> names;
   for (std::size_t n = 0; n < scene.clusters.size(); ++n) {
     const Cluster& cluster = scene.clusters[n];
-    const auto match = resolution.association[n];
-    if (match) {
-      TrackedObject& object = objects_[candidates[*match]];
+    TrackingStep::ClusterBelief& entry = step.clusters[n];
+    entry.cluster = cluster.id;
+    entry.probability = finding->probability[n];
+    entry.others = std::move(finding->others[n]);
+    if (const auto match = finding->resolution.association[n]) {
+      TrackedObject& object = objects_[candidates.objects[*match]];
       seen[*match] = true;
-      const std::string explanation(to_string(resolution.explanation[*match]));
-      const double probability = std::clamp(belief.same(*match, n), 0.0, 1.0);
-      object.identity.last_seen = scene.timestamp;
-      object.identity.sightings.push_back({scene.id, cluster.id, scene.timestamp, probability, explanation});
-      object.cluster = merged(object.cluster, cluster);
-      step.clusters.push_back({cluster.id, object.identity.id, explanation, probability, {}});
+      entry.explanation = to_string(finding->resolution.explanation[*match]);
+      entry.object = object.identity.id;
+      take_known(scene, cluster, object, entry.explanation, entry.probability);
     } else {
-      take_new(scene, cluster, std::clamp(belief.appeared(n), 0.0, 1.0), step);
+      entry.explanation = "appear";
+      entry.object = take_new(scene, cluster, entry.probability).identity.id;
     }
-    for (std::size_t o = 0; o < olds.size(); ++o) {
-      if ((match && *match == o) || belief.same(o, n) < kWorthNaming) continue;
-      step.clusters.back().others.push_back({objects_[candidates[o]].identity.id, belief.same(o, n)});
-    }
+    names.push_back(entry.object);
   }
-  for (std::size_t o = 0; o < olds.size(); ++o) {
-    Identity& identity = objects_[candidates[o]].identity;
-    identity.was_seen = seen[o];
-    identity.in_view = seen[o] || !out_of_view[o];
-    // What is hidden now may have disappeared before.
-    if (seen[o] || !out_of_view[o]) identity.disappeared = !seen[o];
-    if (!seen[o]) (out_of_view[o] ? step.hidden : step.disappeared).push_back(identity.id);
-  }
+  mark_unseen(candidates, seen, step);
+  if (arbiter_) arbiter_->settle(scene, names, *step.verdict);
   step.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return step;
 }
@@ -202,16 +206,25 @@ Value step_to_json(const TrackingStep& step) {
     for (const TrackingStep::Candidate& other : entry.others) {
       others.emplace_back(Value::Object{{"object", Value(other.object)}, {"probability", Value(other.probability)}});
     }
-    clusters.emplace_back(Value::Object{{"cluster", Value(entry.cluster)},
-                                        {"object", Value(entry.object)},
-                                        {"explanation", Value(entry.explanation)},
-                                        {"probability", Value(entry.probability)},
-                                        {"others", Value(std::move(others))}});
+    Value::Object cluster = {{"cluster", Value(entry.cluster)},
+                             {"object", Value(entry.object)},
+                             {"explanation", Value(entry.explanation)},
+                             {"probability", Value(entry.probability)},
+                             {"others", Value(std::move(others))}};
+    if (step.verdict) {
+      Value::Object votes;
+      for (const auto& [tracker, track] : entry.votes) votes.emplace_back(tracker, track ? Value(*track) : Value());
+      cluster.emplace_back("votes", Value(std::move(votes)));
+    }
+    clusters.emplace_back(std::move(cluster));
   }
-  return Value(Value::Object{{"method", Value(step.method)},
-                             {"clusters", Value(std::move(clusters))},
-                             {"disappeared", names(step.disappeared)},
-                             {"hidden", names(step.hidden)}});
+  Value::Object document = {{"method", Value(step.method)}};
+  if (step.verdict) document.emplace_back("verdict", Value(std::string(to_string(*step.verdict))));
+  if (!step.reason.empty()) document.emplace_back("reason", Value(step.reason));
+  document.emplace_back("clusters", Value(std::move(clusters)));
+  document.emplace_back("disappeared", names(step.disappeared));
+  document.emplace_back("hidden", names(step.hidden));
+  return Value(std::move(document));
 }
 
 }  // namespace sherlog

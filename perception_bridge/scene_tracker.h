@@ -4,7 +4,8 @@
 //           mapping compares them, a model says what follows, and the marginals update the belief: a cluster that is
 //           most probably an old object is a sighting of it, one that is none is a new object. What was not seen is hidden
 //           where its place is out of view, else it has disappeared; both stay candidates for later scenes, so that a thing that
-//           comes back keeps its name.
+//           comes back keeps its name. With an arbiter (use_arbiter) the model is asked only where the trackers contradict
+//           each other or are not sure; the belief is updated in the same way.
 // Source    Beetz et al., RoboSherlock, ICRA 2015, section 5; the fields of an object and the rule for merging are those of the
 //           published system: new annotations replace old ones of the same type and source, others stay.
 // Model     any that declares is(old, new, explanation), appear, disappear, hidden, and what the mapping writes
@@ -18,9 +19,9 @@
 #include <string>
 #include <vector>
 
-#include "inference/standing_question.h"
-#include "perception_bridge/evidence_mapping.h"
+#include "perception_bridge/association_question.h"
 #include "perception_bridge/scene_store.h"
+#include "perception_bridge/tracking_arbiter.h"
 
 namespace sherlog {
 
@@ -41,14 +42,18 @@ struct TrackingStep {
     std::string explanation;        // stay, move, newview, appear
     double probability = 0;         // of being that object; of having appeared
     std::vector<Candidate> others;  // that it could be as well, with at least 1 %
+    // With an arbiter: the trackers that had a say, and which of its own tracks each would have continued (none: a new one).
+    std::vector<std::pair<std::string, std::optional<Tracker::TrackId>>> votes = {};
   };
   std::string scene;
   Termination termination = Termination::kCompleted;
-  std::string message;  // where not completed
-  std::string method;
+  std::string message;             // where not completed
+  std::string method;              // of the engine; "arbiter" where the model was not asked
+  std::optional<Verdict> verdict;  // of the arbiter, where there is one
+  std::string reason;              // why it did not decide
   std::vector<ClusterBelief> clusters;
   std::vector<std::string> disappeared, hidden;  // objects
-  std::string evidence;                          // the database that was asked
+  std::string evidence;                          // the database that was asked, if any
   double seconds = 0;
 };
 
@@ -64,21 +69,47 @@ class SceneTracker {
   static std::optional<SceneTracker> make(Model model, EvidenceMapping mapping, InferenceOptions inference,
                                           TrackerOptions options, std::string& problem);
 
+  // From now on trackers vote, and the model is asked only where they do not agree.
+  void use_arbiter(TrackingArbiter arbiter);
+
   TrackingStep feed(const Scene& scene, Monitor& monitor);
   // Takes an object up again, e.g. from a store.
   void resume(Identity identity, Cluster cluster, double time);
 
   const std::vector<TrackedObject>& objects() const { return objects_; }
   std::optional<double> last_time() const { return last_time_; }
+  // How often the arbiter decided; nothing without one.
+  std::optional<ArbiterCounts> arbiter_counts() const;
 
  private:
-  SceneTracker(StandingQuestion question, EvidenceMapping mapping, TrackerOptions options);
-  std::string new_name();
-  void take_new(const Scene& scene, const Cluster& cluster, double probability, TrackingStep& step);
+  // The objects that a scene could show.
+  struct Candidates {
+    std::vector<std::size_t> objects;  // positions
+    std::vector<std::string> names;
+    std::vector<Cluster> looks;
+    std::vector<bool> out_of_view;
+  };
+  // What is what, whoever said so.
+  struct Finding {
+    Resolution resolution;
+    std::vector<double> probability;                                // by cluster
+    std::vector<std::vector<TrackingStep::Candidate>> others = {};  // by cluster
+  };
 
-  std::unique_ptr<StandingQuestion> question_;
-  EvidenceMapping mapping_;
+  SceneTracker(AssociationQuestion question, TrackerOptions options);
+  std::string new_name();
+  Candidates candidates_of(const Scene& scene) const;
+  std::optional<Finding> arbitrate(const Scene& scene, const Candidates& candidates, TrackingStep& step) const;
+  std::optional<Finding> ask_model(const Scene& scene, const Candidates& candidates, TrackingStep& step,
+                                   Monitor& monitor) const;
+  void take_known(const Scene& scene, const Cluster& cluster, TrackedObject& object, const std::string& explanation,
+                  double probability);
+  TrackedObject& take_new(const Scene& scene, const Cluster& cluster, double probability);
+  void mark_unseen(const Candidates& candidates, const std::vector<bool>& seen, TrackingStep& step);
+
+  AssociationQuestion question_;
   TrackerOptions options_;
+  std::optional<TrackingArbiter> arbiter_;
   std::vector<TrackedObject> objects_;
   std::optional<double> last_time_;
   std::uint64_t names_ = 0;

@@ -1,0 +1,52 @@
+// The question of identity, asked of a model: which new cluster is which old one, and what has happened to it?
+//
+// Idea      An evidence mapping compares the clusters, the engine answers, and the marginals of is(old, new, explanation) are the
+//           belief. Everything that compares two looks asks through this: the tracker, its second thoughts, the pictures.
+// Model     any that declares is(old, new, explanation), appear, disappear, hidden, and what the mapping writes
+// Errors    those of the model when it is made; later each answer has a termination and a sentence
+// Cost      one grounding and one inference, quadratic in the clusters
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "inference/standing_question.h"
+#include "perception_bridge/evidence_mapping.h"
+#include "perception_bridge/identity_belief.h"
+#include "perception_bridge/observe.h"
+
+namespace sherlog {
+
+class AssociationQuestion {
+ public:
+  // Nothing, and a sentence, where the model lacks what it must declare.
+  static std::optional<AssociationQuestion> make(Model model, EvidenceMapping mapping, InferenceOptions inference,
+                                                 std::string& problem);
+
+  struct Answer {
+    Termination termination = Termination::kCompleted;
+    std::string message;  // where not completed
+    std::string method;
+    std::string evidence;  // the database that was asked
+    IdentityBelief belief;
+  };
+  Answer ask(std::span<const Cluster> olds, const Scene& now, Monitor& monitor) const;
+  // Of a database in words of the model; `olds`, `news`: how many of the mapping's clusters (O0, O1, ...) it speaks of.
+  Answer ask(const std::string& evidence, std::size_t olds, std::size_t news, Monitor& monitor) const;
+
+  const EvidenceMapping& mapping() const { return mapping_; }
+
+ private:
+  AssociationQuestion(StandingQuestion question, EvidenceMapping mapping);
+
+  std::unique_ptr<StandingQuestion> question_;
+  EvidenceMapping mapping_;
+};
+
+// By old cluster: whether its place lies outside what the scene looks at. One without a position counts as in view.
+std::vector<bool> out_of_view_of(std::span<const Cluster> olds, const Scene& now);
+
+}  // namespace sherlog
