@@ -144,12 +144,13 @@ void add_simulate(CLI::App& track, Action& action) {
 }  // namespace
 
 void add_track(CLI::App& app, Action& action) {
-  CLI::App* command = app.add_subcommand("track", "Object identity over scenes: resolve, simulate and evaluate");
+  CLI::App* command = app.add_subcommand("track", "Object identity over scenes: resolve, show, simulate and evaluate");
   command->require_subcommand(1);
   add_simulate(*command, action);
   add_track_learn(*command, action);
   add_track_evaluate(*command, action);
   add_track_resolve(*command, action);
+  add_track_show(*command, action);
 }
 
 }  // namespace sherlog::cli

@@ -70,6 +70,20 @@ PairGrade grade_pair(const Observation& old, const Observation& now, const FourT
   return grade;
 }
 
+namespace {
+
+PairGrade evidence_grade(const Observation& old, const Observation& now, const FourTablesTrial& trial,
+                         const Grading& grading, bool with_sees_place) {
+  PairGrade grade = grade_pair(old, now, trial, grading);
+  if (!with_sees_place) return grade;
+  // To be seen again at its place, the place has to be in view.
+  const double sees = clamped(sees_place(old, trial.view, trial.config, grading.sigma_position));
+  grade.proximity = grade_of_odds(std::log(grade.proximity / (1 - grade.proximity)) + std::log(sees));
+  return grade;
+}
+
+}  // namespace
+
 std::string identity_evidence(const FourTablesTrial& trial, const Grading& grading, bool with_sees_place) {
   std::string text;
   const auto out = std::back_inserter(text);
@@ -87,10 +101,7 @@ std::string identity_evidence(const FourTablesTrial& trial, const Grading& gradi
     const double sees = clamped(sees_place(old, trial.view, trial.config, grading.sigma_position));
     if (with_sees_place) fmt::format_to(out, "{} {}(O{})\n", sees, kSeesPlace, o + 1);
     for (std::size_t n = 0; n < trial.new_clusters.size(); ++n) {
-      PairGrade grade = grade_pair(old, trial.new_clusters[n], trial, grading);
-      // To be seen again at its place, the place has to be in view.
-      if (with_sees_place)
-        grade.proximity = grade_of_odds(std::log(grade.proximity / (1 - grade.proximity)) + std::log(sees));
+      const PairGrade grade = evidence_grade(old, trial.new_clusters[n], trial, grading, with_sees_place);
       fmt::format_to(out, "{} similar(O{},N{})\n{} proximity(O{},N{})\n", grade.similar, o + 1, n + 1, grade.proximity,
                      o + 1, n + 1);
     }
@@ -191,6 +202,15 @@ IdentityResolver::Belief IdentityResolver::believe(const FourTablesTrial& trial)
     }
   }
   return out;
+}
+
+std::vector<PairGrade> IdentityResolver::grades(const FourTablesTrial& trial) const {
+  std::vector<PairGrade> grades;
+  for (const Observation& old : trial.old_clusters) {
+    for (const Observation& now : trial.new_clusters)
+      grades.push_back(evidence_grade(old, now, trial, parts_->grading, parts_->with_sees_place));
+  }
+  return grades;
 }
 
 MatcherAnswer IdentityResolver::resolve(const FourTablesTrial& trial) const {

@@ -12,6 +12,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "inference/inference.h"
 #include "mln/model.h"
@@ -56,6 +57,8 @@ class IdentityResolver : public Matcher {
     double evidence_seconds = 0, ground_seconds = 0, infer_seconds = 0;
   };
   Belief believe(const FourTablesTrial& trial) const;
+  // Old x new, row by row, as the evidence has them.
+  std::vector<PairGrade> grades(const FourTablesTrial& trial) const;
 
  private:
   struct Parts;
