@@ -110,6 +110,21 @@ struct Stay {
   Found last;
 };
 
+// What of an identity's history was changed by a later scene.
+Value::List revisions_of(const Identity& identity) {
+  const Value* records = find(identity.other, "revisions");
+  return records == nullptr || records->list() == nullptr ? Value::List() : *records->list();
+}
+
+std::string revision_text(const Value& record) {
+  const auto word = [&](const char* key) {
+    const Value* value = record.find(key);
+    return value != nullptr && value->text() != nullptr ? *value->text() : std::string("?");
+  };
+  return fmt::format("{} in {} was taken for {} until {} showed that it is {}\n", word("cluster"), word("scene"),
+                     word("was"), word("decidedBy"), word("is"));
+}
+
 int run_history(Options options, const Asking& asking) {
   Session session(std::move(options));
   auto opened = open_for(session, asking);
@@ -135,7 +150,11 @@ int run_history(Options options, const Asking& asking) {
     table.add_row({stay.place.empty() ? "(no place)" : stay.place, time_text(stay.from, offset),
                    time_text(stay.to, offset), std::to_string(stay.sightings), position_text(stay.last)});
   }
-  const std::string text = stays.empty() ? fmt::format("'{}' was never seen\n", asking.thing) : table.text();
+  std::string text = stays.empty() ? fmt::format("'{}' was never seen\n", asking.thing) : table.text();
+  const auto identity = opened->store.identity(asking.thing);
+  const Value::List revisions = identity ? revisions_of(*identity) : Value::List();
+  if (!revisions.empty()) text += "\n";
+  for (const Value& record : revisions) text += revision_text(record);
   return session.finish(kDone, text, [&] {
     Json json{{"schema", "sherlog.scenes.history/1"},
               {"thing", asking.thing},
@@ -145,6 +164,7 @@ int run_history(Options options, const Asking& asking) {
       json["stays"].push_back(
           {{"place", stay.place}, {"from", stay.from}, {"to", stay.to}, {"sightings", stay.sightings}});
     }
+    for (const Value& record : revisions) json["revisions"].push_back(to_json(record));
     return to_text(json);
   });
 }

@@ -18,14 +18,17 @@ struct Resolving {
   StoreChoice store;
   std::string model = "paper";
   std::string mapping = "identity";
-  double forget_seconds = std::numeric_limits<double>::infinity();
+  TrackerOptions tracker;
   bool dry_run = false, restart = false;
   bool arbiter = false;
   ArbiterOptions arbiter_options;
 };
 
-// The objects of an earlier run, so that this one goes on from there.
-void resume(SceneStore& store, SceneTracker& tracker) {
+constexpr const char* kBelief = "identity";       // of each scene
+constexpr const char* kState = "identity_state";  // of the last one: what the next run needs to go on
+
+// The objects of an earlier run, so that this one goes on from there. False after saying what is wrong.
+bool resume(Session& session, SceneStore& store, SceneTracker& tracker) {
   for (const std::string& id : store.identities()) {
     auto identity = store.identity(id);
     if (!identity || identity->sightings.empty()) continue;
@@ -37,6 +40,11 @@ void resume(SceneStore& store, SceneTracker& tracker) {
       if (cluster.id == last.cluster) break;
     }
   }
+  const auto state = store.newest_belief(kState);
+  std::string problem;
+  if (!state || tracker.restore(state->document, problem)) return true;
+  session.error(fmt::format("{}; --restart begins again", problem));
+  return false;
 }
 
 Json step_json(const TrackingStep& step) {
@@ -56,6 +64,11 @@ void add_step(Table& table, const TrackingStep& step) {
         {scene, entry.cluster, entry.object, entry.explanation, fmt::format("{:.3f}", entry.probability), others});
     scene.clear();
   }
+  for (const auto& revision : step.revisions) {
+    table.add_row({scene, "", revision.is, "instead", fmt::format("{:.3f}", revision.probability),
+                   fmt::format("of {} for {} in {}", revision.was, revision.cluster, revision.scene)});
+    scene.clear();
+  }
   for (const std::string& object : step.disappeared) table.add_row({scene, "", object, "disappear"}), scene.clear();
   for (const std::string& object : step.hidden) table.add_row({scene, "", object, "hidden"}), scene.clear();
   table.add_gap();
@@ -65,6 +78,20 @@ std::string arbiter_text(const ArbiterCounts& counts) {
   return fmt::format(
       "the model was asked in {} of them ({:.1f} %): {} with trackers that contradict each other, {} unsure\n",
       counts.calls(), 100 * counts.share_of_calls(), counts.contradicted, counts.unsure);
+}
+
+// What is believed now, and what was found out on the way. False where the store could not be written.
+bool keep(SceneStore& store, const SceneTracker& tracker, const std::vector<StoredBelief>& beliefs, bool restart) {
+  bool good = store.begin();
+  for (const std::string& id : store.identities()) {
+    // Those of the run before; what people named stays.
+    if (restart && id.starts_with(TrackerOptions{}.prefix)) good = good && store.remove_identity(id);
+  }
+  for (const std::string& id : tracker.removed()) good = good && store.remove_identity(id);
+  for (const StoredBelief& belief : beliefs) good = good && store.add(belief);
+  for (const TrackedObject& object : tracker.objects()) good = good && store.add(object.identity);
+  good = good && store.remove_beliefs(kState) && store.add(StoredBelief{beliefs.back().scene, kState, tracker.state()});
+  return good && store.commit();
 }
 
 // The steps that were new; a step that has no answer ends it.
@@ -81,8 +108,10 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
   Json steps = Json::array();
   Termination termination = Termination::kCompleted;
   std::vector<StoredBelief> beliefs;
+  std::uint64_t late = 0;
   store.for_each_scene(*filter, [&](const Scene& scene) {
-    if (resumed && scene.timestamp <= *resumed) return true;  // known from an earlier run
+    if (resumed && scene.timestamp <= *resumed && store.belief(scene.id, kBelief)) return true;  // of an earlier run
+    if (resumed && scene.timestamp < *resumed) return ++late, true;
     if (session.monitor().interrupted()) termination = Termination::kInterrupted;
     if (session.seconds_left() <= 0) termination = Termination::kTimeLimit;
     if (termination != Termination::kCompleted) return false;
@@ -92,20 +121,19 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
       session.error(fmt::format("{}: {}", scene.id, step.message));
       return false;
     }
-    beliefs.push_back({scene.id, "identity", step_to_json(step)});
+    beliefs.push_back({scene.id, kBelief, step_to_json(step)});
     steps.push_back(step_json(step));
     add_step(table, step);
     return true;
   });
+  if (late > 0) {
+    session.warning(
+        fmt::format("{} scenes are older than the last one of an earlier run and were left out; --restart takes "
+                    "them in",
+                    late));
+  }
   if (!resolving.dry_run && !beliefs.empty()) {
-    bool good = store.begin();
-    for (const std::string& id : store.identities()) {
-      // Those of the run before; what people named stays.
-      if (resolving.restart && id.starts_with(TrackerOptions{}.prefix)) good = good && store.remove_identity(id);
-    }
-    for (const StoredBelief& belief : beliefs) good = good && store.add(belief);
-    for (const TrackedObject& object : tracker.objects()) good = good && store.add(object.identity);
-    if (!good || !store.commit()) {
+    if (!keep(store, tracker, beliefs, resolving.restart)) {
       const std::string problem = store.problem();
       store.roll_back();
       return session.error(problem.empty() ? "the belief could not be stored" : problem), kBadInput;
@@ -119,7 +147,9 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
     Json json{{"schema", "sherlog.track.resolve/1"},
               {"termination", to_string(termination)},
               {"objects", Json::array()},
-              {"steps", steps}};
+              {"steps", steps},
+              {"open_questions", tracker.open_questions().size()},
+              {"left_out", late}};
     if (counts) {
       json["arbiter"] = {{"scenes", counts->scenes},
                          {"contradicted", counts->contradicted},
@@ -151,10 +181,10 @@ int run_resolve(Options options, const Resolving& resolving) {
   if (!store) return kBadInput;
   std::string problem;
   auto tracker = SceneTracker::make(std::move(*model), std::move(*mapping), session.inference_options(),
-                                    {.forget_seconds = resolving.forget_seconds}, problem);
+                                    resolving.tracker, problem);
   if (!tracker) return session.error(problem), kBadInput;
   if (resolving.arbiter) tracker->use_arbiter(TrackingArbiter(default_trackers(), resolving.arbiter_options));
-  if (!resolving.restart) resume(*store, *tracker);
+  if (!resolving.restart && !resume(session, *store, *tracker)) return kBadInput;
   return resolve_scenes(session, *store, *tracker, resolving);
 }
 
@@ -190,9 +220,14 @@ void add_track_resolve(CLI::App& track, Action& action) {
                    "How clusters are compared: a shipped mapping or a JSON file (default identity)")
       ->type_name("identity|FILE");
   command
-      ->add_option("--forget", resolving->forget_seconds,
+      ->add_option("--forget", resolving->tracker.forget_seconds,
                    "What was not seen for so long is no candidate (default: never)")
       ->type_name("S");
+  command
+      ->add_option("--max-pairs", resolving->tracker.most_pairs,
+                   "Refuse scenes with more pairs of an object and a cluster (default 250000)")
+      ->type_name("N")
+      ->check(whole_number(1'000'000'000));
   command->add_flag("--dry-run", resolving->dry_run, "Leave the store as it is");
   command->add_flag("--restart", resolving->restart, "From the first scene on, without the objects of earlier runs");
   command->add_flag("--arbiter", resolving->arbiter,

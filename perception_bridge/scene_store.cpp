@@ -290,6 +290,10 @@ bool SceneStore::add(const Identity& identity) {
   return good && complete;
 }
 
+bool SceneStore::remove_beliefs(std::string_view kind) {
+  return in_transaction([&] { database_->statement("DELETE FROM beliefs WHERE kind = ?").bind(kind).run(); });
+}
+
 bool SceneStore::remove_identity(std::string_view id) {
   return in_transaction([&] { database_->statement("DELETE FROM identities WHERE name = ?").bind(id).run(); });
 }
@@ -373,6 +377,17 @@ std::vector<StoredEvidence> SceneStore::evidence_of(std::string_view scene) {
   query.bind(scene);
   while (query.step()) result.push_back({std::string(scene), query.text(0), query.text(1)});
   return result;
+}
+
+std::optional<StoredBelief> SceneStore::newest_belief(std::string_view kind) {
+  SqlStatement& query = database_->statement(
+      "SELECT s.name, b.kind, b.document FROM beliefs b JOIN scenes s ON s.id = b.scene WHERE b.kind = ? "
+      "ORDER BY s.time DESC, s.id DESC LIMIT 1");
+  if (!query.bind(kind).step()) return std::nullopt;
+  std::string problem;
+  StoredBelief belief{query.text(0), query.text(1), parse_json(query.text(2), problem).value_or(Value())};
+  query.reset();
+  return belief;
 }
 
 std::vector<StoredBelief> SceneStore::beliefs_of(std::string_view scene) {

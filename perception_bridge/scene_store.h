@@ -126,6 +126,7 @@ class SceneStore {
   bool add(const StoredBelief& belief);
   bool add(const Identity& identity);
   bool remove_identity(std::string_view id);
+  bool remove_beliefs(std::string_view kind);  // of all scenes
 
   bool has(std::string_view scene);
   std::optional<Scene> scene(std::string_view id);
@@ -134,6 +135,8 @@ class SceneStore {
   bool for_each_scene(const SceneFilter& filter, const std::function<bool(const Scene&)>& visit);
   std::optional<std::string> evidence(std::string_view scene, std::string_view mapping);
   std::optional<Value> belief(std::string_view scene, std::string_view kind);
+  // That of the newest scene that has one of the kind.
+  std::optional<StoredBelief> newest_belief(std::string_view kind);
   std::optional<Identity> identity(std::string_view id);
   std::vector<StoredEvidence> evidence_of(std::string_view scene);
   std::vector<StoredBelief> beliefs_of(std::string_view scene);

@@ -10,21 +10,20 @@ namespace {
 
 constexpr double kWorthNaming = 0.01;
 
-// New annotations replace old ones of the same type and source, others stay.
-Cluster merged(const Cluster& before, Cluster now) {
+}  // namespace
+
+Cluster merged_look(const Cluster& earlier, Cluster later) {
   const auto replaced = [&](const Annotation& old_one, const std::vector<Annotation>& fresh) {
     return std::any_of(fresh.begin(), fresh.end(), [&](const Annotation& annotation) {
       return annotation.type == old_one.type && annotation.source == old_one.source;
     });
   };
-  const std::vector<Annotation> fresh = now.annotations;
-  for (const Annotation& annotation : before.annotations) {
-    if (!replaced(annotation, fresh)) now.annotations.push_back(annotation);
+  const std::vector<Annotation> fresh = later.annotations;
+  for (const Annotation& annotation : earlier.annotations) {
+    if (!replaced(annotation, fresh)) later.annotations.push_back(annotation);
   }
-  return now;
+  return later;
 }
-
-}  // namespace
 
 SceneTracker::SceneTracker(AssociationQuestion question, TrackerOptions options)
     : question_(std::move(question)), options_(std::move(options)) {}
@@ -60,6 +59,13 @@ void SceneTracker::resume(Identity identity, Cluster cluster, double time) {
   objects_.push_back({std::move(identity), std::move(cluster)});
 }
 
+TrackedObject* SceneTracker::find_object(const std::string& name) {
+  for (TrackedObject& object : objects_) {
+    if (object.identity.id == name) return &object;
+  }
+  return nullptr;
+}
+
 SceneTracker::Candidates SceneTracker::candidates_of(const Scene& scene) const {
   Candidates candidates;
   for (std::size_t i = 0; i < objects_.size(); ++i) {
@@ -84,6 +90,7 @@ std::optional<SceneTracker::Finding> SceneTracker::arbitrate(const Scene& scene,
   step.method = "arbiter";
   Finding finding;
   finding.probability = std::move(judgement.probability);
+  finding.open.assign(scene.clusters.size(), false);
   finding.others.resize(scene.clusters.size());
   finding.resolution.association.resize(scene.clusters.size());
   finding.resolution.explanation.resize(candidates.objects.size());  // only that of the matched ones is read
@@ -112,19 +119,24 @@ std::optional<SceneTracker::Finding> SceneTracker::ask_model(const Scene& scene,
     const auto match = finding.resolution.association[n];
     finding.probability.push_back(std::clamp(match ? belief.same(*match, n) : belief.appeared(n), 0.0, 1.0));
     finding.others.emplace_back();
+    double rival = match ? belief.appeared(n) : 0;
     for (std::size_t o = 0; o < candidates.objects.size(); ++o) {
-      if ((match && *match == o) || belief.same(o, n) < kWorthNaming) continue;
-      finding.others.back().push_back({candidates.names[o], belief.same(o, n)});
+      if (match && *match == o) continue;
+      rival = std::max(rival, belief.same(o, n));
+      if (belief.same(o, n) >= kWorthNaming) finding.others.back().push_back({candidates.names[o], belief.same(o, n)});
     }
+    finding.open.push_back(rival > kWorthNaming && is_open(finding.probability.back(), rival));
   }
   return finding;
 }
 
 void SceneTracker::take_known(const Scene& scene, const Cluster& cluster, TrackedObject& object,
-                              const std::string& explanation, double probability) {
+                              const std::string& explanation, double probability, bool open) {
   object.identity.last_seen = scene.timestamp;
   object.identity.sightings.push_back({scene.id, cluster.id, scene.timestamp, probability, explanation});
-  object.cluster = merged(object.cluster, cluster);
+  // What is said of an object must not be said of a cluster that may be another one.
+  object.cluster = open ? cluster : merged_look(object.cluster, cluster);
+  if (open && arbiter_) arbiter_->forget(object.identity.id);
 }
 
 TrackedObject& SceneTracker::take_new(const Scene& scene, const Cluster& cluster, double probability) {
@@ -160,6 +172,13 @@ TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
     return step;
   }
   const Candidates candidates = candidates_of(scene);
+  if (const std::uint64_t pairs = std::uint64_t{candidates.objects.size()} * scene.clusters.size();
+      pairs > options_.most_pairs) {
+    step.termination = Termination::kRefused;
+    step.message = fmt::format("scene '{}' has {} clusters against {} objects: {} pairs, and the limit is {}", scene.id,
+                               scene.clusters.size(), candidates.objects.size(), pairs, options_.most_pairs);
+    return step;
+  }
   step.clusters.resize(scene.clusters.size());
   auto finding = arbitrate(scene, candidates, step);
   if (!finding) finding = ask_model(scene, candidates, step, monitor);
@@ -181,7 +200,7 @@ TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
       seen[*match] = true;
       entry.explanation = to_string(finding->resolution.explanation[*match]);
       entry.object = object.identity.id;
-      take_known(scene, cluster, object, entry.explanation, entry.probability);
+      take_known(scene, cluster, object, entry.explanation, entry.probability, finding->open[n]);
     } else {
       entry.explanation = "appear";
       entry.object = take_new(scene, cluster, entry.probability).identity.id;
@@ -190,41 +209,16 @@ TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
   }
   mark_unseen(candidates, seen, step);
   if (arbiter_) arbiter_->settle(scene, names, *step.verdict);
+  if (std::ranges::find(finding->open, true) != finding->open.end()) {
+    OpenQuestion question{scene, {}, std::move(names), std::move(finding->open)};
+    for (std::size_t o = 0; o < candidates.objects.size(); ++o)
+      question.olds.push_back({candidates.names[o], candidates.looks[o], candidates.out_of_view[o]});
+    questions_.push_back(std::move(question));
+    if (questions_.size() > options_.most_questions) questions_.erase(questions_.begin());
+  }
+  reconsider(scene, step, monitor);
   step.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return step;
-}
-
-Value step_to_json(const TrackingStep& step) {
-  const auto names = [](const std::vector<std::string>& list) {
-    Value::List values;
-    for (const std::string& name : list) values.emplace_back(name);
-    return Value(std::move(values));
-  };
-  Value::List clusters;
-  for (const TrackingStep::ClusterBelief& entry : step.clusters) {
-    Value::List others;
-    for (const TrackingStep::Candidate& other : entry.others) {
-      others.emplace_back(Value::Object{{"object", Value(other.object)}, {"probability", Value(other.probability)}});
-    }
-    Value::Object cluster = {{"cluster", Value(entry.cluster)},
-                             {"object", Value(entry.object)},
-                             {"explanation", Value(entry.explanation)},
-                             {"probability", Value(entry.probability)},
-                             {"others", Value(std::move(others))}};
-    if (step.verdict) {
-      Value::Object votes;
-      for (const auto& [tracker, track] : entry.votes) votes.emplace_back(tracker, track ? Value(*track) : Value());
-      cluster.emplace_back("votes", Value(std::move(votes)));
-    }
-    clusters.emplace_back(std::move(cluster));
-  }
-  Value::Object document = {{"method", Value(step.method)}};
-  if (step.verdict) document.emplace_back("verdict", Value(std::string(to_string(*step.verdict))));
-  if (!step.reason.empty()) document.emplace_back("reason", Value(step.reason));
-  document.emplace_back("clusters", Value(std::move(clusters)));
-  document.emplace_back("disappeared", names(step.disappeared));
-  document.emplace_back("hidden", names(step.hidden));
-  return Value(std::move(document));
 }
 
 }  // namespace sherlog

@@ -157,20 +157,12 @@ void TrackingArbiter::resume(const std::string& object, const Cluster& cluster) 
   }
 }
 
-void TrackingArbiter::rename(std::span<const std::pair<std::string, std::string>> names) {
+void TrackingArbiter::forget(const std::string& object) {
   for (Voter& voter : voters_) {
-    std::vector<std::pair<std::string, Tracker::TrackId>> moved;
-    for (const auto& [before, after] : names) {
-      const auto track = voter.track_of.find(before);
-      if (track == voter.track_of.end()) continue;
-      moved.emplace_back(after, track->second);
-      voter.track_of.erase(track);
-    }
-    for (const auto& [after, track] : moved) {
-      const auto other = voter.track_of.find(after);
-      if (other != voter.track_of.end()) voter.tracker->drop(other->second);
-      voter.track_of[after] = track;
-    }
+    const auto track = voter.track_of.find(object);
+    if (track == voter.track_of.end()) continue;
+    voter.tracker->drop(track->second);
+    voter.track_of.erase(track);
   }
 }
 

@@ -68,9 +68,8 @@ class TrackingArbiter {
   void settle(const Scene& scene, std::span<const std::string> objects_of_clusters, Verdict verdict);
   // Takes an object up again.
   void resume(const std::string& object, const Cluster& cluster);
-  // What was thought to be one object is another one, all pairs (before, after) at a time; tracks that an object had besides the
-  // ones that become its own go.
-  void rename(std::span<const std::pair<std::string, std::string>> names);
+  // Nothing that the trackers know of it counts any more.
+  void forget(const std::string& object);
 
   const ArbiterCounts& counts() const { return counts_; }
 

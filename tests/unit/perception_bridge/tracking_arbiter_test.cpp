@@ -238,16 +238,16 @@ TEST(TrackingArbiter, ATrackerOfOnesOwnVotesToo) {
   EXPECT_EQ(fed(tracker, scene(2, 3)).verdict, Verdict::kContradicted);
 }
 
-TEST(TrackingArbiter, RenamingExchangesTracks) {
+TEST(TrackingArbiter, WhatIsForgottenIsNoCandidate) {
   TrackingArbiter arbiter;
   const Scene scene = scene_of(0, {{0, 0, kRed}, {1, 0, kBlue}});
   const std::vector<std::string> objects = {"a", "b"};
   arbiter.settle(scene, objects, Verdict::kAgreed);
-  const std::vector<std::pair<std::string, std::string>> swap = {{"a", "b"}, {"b", "a"}};
-  arbiter.rename(swap);
-  const Judgement judgement = arbiter.judge(scene, objects, {false, false});
-  EXPECT_THAT(judgement.association, ElementsAre(1u, 0u));
-  EXPECT_EQ(judgement.verdict, Verdict::kAgreed);
+  EXPECT_THAT(arbiter.judge(scene, objects, {false, false}).association, ElementsAre(0u, 1u));
+  arbiter.forget("a");
+  EXPECT_THAT(arbiter.judge(scene, objects, {false, false}).association, ElementsAre(std::nullopt, 1u));
+  arbiter.resume("a", scene.clusters[0]);
+  EXPECT_THAT(arbiter.judge(scene, objects, {false, false}).association, ElementsAre(0u, 1u));
 }
 
 TEST(TrackingArbiter, BadOptionsAreNamed) {
