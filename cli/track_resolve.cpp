@@ -1,6 +1,7 @@
 // sherlog track resolve: who is who in the scenes of a store; the belief goes back into it.
 #include <fmt/format.h>
 
+#include <map>
 #include <memory>
 
 #include "cli/scenes.h"
@@ -29,11 +30,14 @@ constexpr const char* kState = "identity_state";  // of the last one: what the n
 
 // The objects of an earlier run, so that this one goes on from there. False after saying what is wrong.
 bool resume(Session& session, SceneStore& store, SceneTracker& tracker) {
+  std::map<std::string, std::optional<Scene>> scenes;  // many objects were seen last in the same ones
   for (const std::string& id : store.identities()) {
     auto identity = store.identity(id);
     if (!identity || identity->sightings.empty()) continue;
     const Sighting last = identity->sightings.back();
-    const auto scene = store.scene(last.scene);
+    const auto known = scenes.find(last.scene);
+    const auto& scene =
+        known != scenes.end() ? known->second : scenes.emplace(last.scene, store.scene(last.scene)).first->second;
     if (!scene) continue;
     for (const Cluster& cluster : scene->clusters) {
       if (cluster.id == last.cluster) tracker.resume(std::move(*identity), cluster, scene->timestamp);
