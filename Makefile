@@ -19,7 +19,7 @@ help:
 	@echo 'make format      clang-format over all sources'
 	@echo 'make lint        clang-format --dry-run and clang-tidy'
 	@echo 'make fusion      the information-fusion experiment on synthetic scenes, or on DATA=SCENES.db'
-	@echo 'make figures     the four-table evaluation (Fig. 10): CSV, SVG and a page in build/figures, about two minutes'
+	@echo 'make figures     the four-table evaluation (Fig. 10) and the kitchen scenes (Fig. 11) in build/figures, about two minutes'
 	@echo 'make docs        docs/commands.md from --help, and a check of all links in the documents'
 	@echo 'make install     to PREFIX (/usr/local)'
 
@@ -79,6 +79,10 @@ figures: build
 	@mkdir -p build/figures
 	build/bin/sherlog track evaluate --csv build/figures/four_tables.csv --svg build/figures/four_tables.svg \
 	  --html build/figures/four_tables.html --json build/figures/four_tables.json | tee build/figures/four_tables.txt
+	rm -f build/figures/kitchen.db*
+	build/bin/sherlog scenes import build/figures/kitchen.db examples/scenes/figure11.jsonl
+	build/bin/sherlog track show build/figures/kitchen.db --scene plates-after --against plates-before --svg build/figures/figure11a.svg
+	build/bin/sherlog track show build/figures/kitchen.db --scene table-after --against table-before --svg build/figures/figure11b.svg
 
 install: build
 	cmake --build --preset release -j $(JOBS)
