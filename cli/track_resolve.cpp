@@ -84,6 +84,31 @@ std::string arbiter_text(const ArbiterCounts& counts) {
       counts.calls(), 100 * counts.share_of_calls(), counts.contradicted, counts.unsure);
 }
 
+Json resolve_json(const SceneTracker& tracker, Termination termination, const Json& steps, std::uint64_t late) {
+  Json json{{"schema", "sherlog.track.resolve/1"},
+            {"termination", to_string(termination)},
+            {"objects", Json::array()},
+            {"steps", steps},
+            {"open_questions", tracker.open_questions().size()},
+            {"left_out", late}};
+  if (const auto counts = tracker.arbiter_counts()) {
+    json["arbiter"] = {{"scenes", counts->scenes},
+                       {"contradicted", counts->contradicted},
+                       {"unsure", counts->unsure},
+                       {"calls", counts->calls()},
+                       {"share_of_calls", counts->share_of_calls()}};
+  }
+  for (const TrackedObject& object : tracker.objects()) {
+    json["objects"].push_back({{"id", object.identity.id},
+                               {"lastSeen", object.identity.last_seen},
+                               {"wasSeen", object.identity.was_seen},
+                               {"inView", object.identity.in_view},
+                               {"disappeared", object.identity.disappeared},
+                               {"sightings", object.identity.sightings.size()}});
+  }
+  return json;
+}
+
 // What is believed now, and what was found out on the way. False where the store could not be written.
 bool keep(SceneStore& store, const SceneTracker& tracker, const std::vector<StoredBelief>& beliefs, bool restart) {
   bool good = store.begin();
@@ -147,30 +172,8 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
   const auto counts = tracker.arbiter_counts();
   if (counts) text += arbiter_text(*counts);
   text += "\n" + table.text();
-  return session.finish(exit_code(termination), text, [&] {
-    Json json{{"schema", "sherlog.track.resolve/1"},
-              {"termination", to_string(termination)},
-              {"objects", Json::array()},
-              {"steps", steps},
-              {"open_questions", tracker.open_questions().size()},
-              {"left_out", late}};
-    if (counts) {
-      json["arbiter"] = {{"scenes", counts->scenes},
-                         {"contradicted", counts->contradicted},
-                         {"unsure", counts->unsure},
-                         {"calls", counts->calls()},
-                         {"share_of_calls", counts->share_of_calls()}};
-    }
-    for (const TrackedObject& object : tracker.objects()) {
-      json["objects"].push_back({{"id", object.identity.id},
-                                 {"lastSeen", object.identity.last_seen},
-                                 {"wasSeen", object.identity.was_seen},
-                                 {"inView", object.identity.in_view},
-                                 {"disappeared", object.identity.disappeared},
-                                 {"sightings", object.identity.sightings.size()}});
-    }
-    return to_text(json);
-  });
+  return session.finish(exit_code(termination), text,
+                        [&] { return to_text(resolve_json(tracker, termination, steps, late)); });
 }
 
 int run_resolve(Options options, const Resolving& resolving) {

@@ -233,10 +233,15 @@ void SceneTracker::settle(OpenQuestion& question, const Answered& answered) {
 void SceneTracker::reconsider(const Scene& scene, TrackingStep& step, Monitor& monitor) {
   for (std::size_t position = 0; position < questions_.size(); ++position) {
     OpenQuestion& question = questions_[position];
-    if (question.scene.id == scene.id || !gains(question, position, scene)) continue;
+    if (question.scene.id == scene.id) continue;
+    const std::vector<Cluster> known = question.scene.clusters;
+    if (!gains(question, position, scene)) continue;
     const std::vector<Cluster> olds = question.old_looks();
     const AssociationQuestion::Answer answer = question_.ask(olds, question.scene, monitor);
-    if (answer.termination != Termination::kCompleted) continue;  // it stays open
+    if (answer.termination != Termination::kCompleted) {
+      question.scene.clusters = known;  // for the next time
+      continue;
+    }
     Answered answered;
     answered.resolution = decide(answer.belief, question.out_of_view());
     bool clear = true;

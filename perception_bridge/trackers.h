@@ -34,7 +34,7 @@ class Tracker {
   };
 
   virtual ~Tracker() = default;
-  virtual std::string name() const = 0;
+  virtual std::string name() const = 0;  // under one arbiter each name is there once
   // A fit at which "the same" and "another one" are equally good, in (0, 1): what fits better is approved of, what fits worse is
   // denied.
   virtual double gate() const = 0;
