@@ -161,6 +161,38 @@ TEST_F(SceneStoreFile, ABadLineRollsTheWholeImportBack) {
   EXPECT_EQ(import(store, line("a") + line("b")).added, 2u);
 }
 
+TEST_F(SceneStoreFile, SeveralImportsCanBeOneTransaction) {
+  SceneStore store = open();
+  const ImportOptions options{.limits = {}, .in_transaction = true};
+  ASSERT_TRUE(store.begin());
+  EXPECT_EQ(import(store, line("a"), options).added, 1u);
+  EXPECT_EQ(import(store, "broken\n", options).termination, Termination::kRefused);
+  EXPECT_EQ(import(store, line("b"), options).added, 1u) << "the caller says when it ends";
+  store.roll_back();
+  EXPECT_EQ(store.scene_count(), 0u);
+  ASSERT_TRUE(store.begin());
+  import(store, line("a"), options);
+  import(store, line("b"), options);
+  ASSERT_TRUE(store.commit());
+  EXPECT_EQ(store.scene_count(), 2u);
+}
+
+TEST_F(SceneStoreFile, TheNewestBeliefOfAKindIsFoundAndAKindIsRemoved) {
+  SceneStore store = open();
+  for (const auto& [id, time] : {std::pair{"late", 3.0}, std::pair{"early", 1.0}, std::pair{"other", 5.0}})
+    store.add(small_scene(id, time, {}));
+  EXPECT_FALSE(store.newest_belief("state"));
+  for (const char* id : {"late", "early"}) ASSERT_TRUE(store.add(StoredBelief{id, "state", Value(id)}));
+  ASSERT_TRUE(store.add(StoredBelief{"other", "identity", Value(true)}));
+  const auto newest = store.newest_belief("state");
+  ASSERT_TRUE(newest);
+  EXPECT_EQ(newest->scene, "late");
+  EXPECT_EQ(newest->document, Value("late"));
+  ASSERT_TRUE(store.remove_beliefs("state"));
+  EXPECT_FALSE(store.newest_belief("state"));
+  EXPECT_TRUE(store.belief("other", "identity"));
+}
+
 TEST_F(SceneStoreFile, SkippingKeepsTheGoodLinesAndNamesTheBadOnes) {
   SceneStore store = open();
   const ImportOptions options{.on_error = OnError::kSkip, .limits = {}, .batch = 2};
