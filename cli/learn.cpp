@@ -56,6 +56,7 @@ std::string provenance(const LearningResult& result, const LearnArguments& argum
   if (!arguments.learning.discriminative.empty()) {
     text += fmt::format("predicted: {}\n", fmt::join(arguments.learning.discriminative, ", "));
   }
+  for (const std::string& block : arguments.learning.blocks) text += fmt::format("taken jointly: {}\n", block);
   text += prior_text(result.options) + "\n";
   for (const std::string& stdev : arguments.learning.formula_stdevs) text += fmt::format("formula stdev {}\n", stdev);
   if (result.objective) text += objective_text(result) + "\n";
@@ -72,11 +73,7 @@ Json learn_json(const LearningResult& result) {
   if (result.objective_with_prior) json["objective_with_prior"] = *result.objective_with_prior;
   Json prior;
   prior["mean"] = result.options.prior.mean;
-  if (std::isfinite(result.options.prior.stdev)) {
-    prior["stdev"] = result.options.prior.stdev;
-  } else {
-    prior["stdev"] = "inf";
-  }
+  prior["stdev"] = finite_or_inf(result.options.prior.stdev);
   if (result.options.prior.l1 > 0.0) prior["l1"] = result.options.prior.l1;
   json["prior"] = std::move(prior);
   if (has_weights(result)) {
@@ -133,6 +130,7 @@ std::string learn_text(const LearningResult& result, const LearnArguments& argum
 }
 
 int learn_and_write(Session& session, const LearnArguments& arguments) {
+  session.silence("no-weight");  // here that is what is asked for
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto options = learning_options(session, *model, arguments.learning);

@@ -1,5 +1,6 @@
 // The program: one command a run. Each command is a file of its own; this one knows their list and the exit codes.
 #include <fmt/format.h>
+#include <glog/logging.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -103,6 +104,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  FLAGS_minloglevel = google::GLOG_FATAL;  // what the optimiser of learning notes for its developers
   sherlog::cli::install_signal_handlers();
   try {
     return run(argc, argv);

@@ -193,6 +193,11 @@ std::string place_text(const ConflictItem& item) {
 
 }  // namespace
 
+Json finite_or_inf(double number) {
+  if (std::isfinite(number)) return number;
+  return number < 0 ? "-inf" : "inf";
+}
+
 std::string to_text(const Json& document) {
   return document.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

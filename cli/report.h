@@ -44,6 +44,8 @@ struct InferenceReport {
 };
 
 std::string to_text(const Json& document);
+// JSON has no infinity: "inf".
+Json finite_or_inf(double number);
 
 // "Smokes(Anna) => Cancer(Anna)": the formula of a constraint or feature with the constants of one grounding.
 std::string bound_formula_text(const Model& model, const Evidence& evidence, const GroundNetwork& network,

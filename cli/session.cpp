@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -161,6 +162,20 @@ std::optional<std::size_t> parse_size(std::string_view text) {
   return static_cast<std::size_t>(bytes);
 }
 
+namespace {
+
+// Regular files only: what is sent to /dev/null twice is not lost.
+bool same_file(const std::string& a, const std::string& b) {
+  std::error_code error;
+  const std::filesystem::path first(a), second(b);
+  if (std::filesystem::exists(first, error) && !std::filesystem::is_regular_file(first, error)) return false;
+  if (std::filesystem::equivalent(first, second, error) && !error) return true;
+  return std::filesystem::absolute(first, error).lexically_normal() ==
+         std::filesystem::absolute(second, error).lexically_normal();
+}
+
+}  // namespace
+
 Session::Session(Options options)
     : options_(std::move(options)), monitor_(!options_.quiet), colour_(colour_on_stderr()) {}
 
@@ -169,6 +184,21 @@ double Session::seconds() const {
 }
 
 double Session::seconds_left() const { return std::max(0.0, options_.max_seconds - seconds()); }
+
+std::string Session::lost_file(const std::vector<std::string>& outputs, std::vector<std::string> inputs) const {
+  inputs.insert(inputs.end(), options_.models.begin(), options_.models.end());
+  inputs.insert(inputs.end(), options_.evidence.begin(), options_.evidence.end());
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (outputs[i] == "-" || outputs[i].empty()) continue;
+    for (std::size_t j = 0; j < i; ++j) {
+      if (same_file(outputs[i], outputs[j])) return fmt::format("two results cannot both go to '{}'", outputs[i]);
+    }
+    for (const std::string& input : inputs) {
+      if (same_file(outputs[i], input)) return fmt::format("'{}' is read: a result would take its place", outputs[i]);
+    }
+  }
+  return "";
+}
 
 bool Session::check_options(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs) {
   const auto stdin_count = std::count(options_.models.begin(), options_.models.end(), "-") +
@@ -194,6 +224,7 @@ bool Session::check_options(const std::vector<std::string>& outputs, const std::
   for (const std::string& path : all) {
     if (const auto problem = check_writable(path)) return error(*problem), false;
   }
+  if (const std::string problem = lost_file(all, inputs); !problem.empty()) return error(problem), false;
   if (const std::string problem = validate(inference_options()); !problem.empty()) return error(problem), false;
   return true;
 }

@@ -72,6 +72,8 @@ class Session {
   // False where an option makes no sense; says so. `outputs`: files that will be written; `inputs`: files that are read beside
   // the models and the evidence.
   bool check_options(const std::vector<std::string>& outputs = {}, const std::vector<std::string>& inputs = {});
+  // Warnings of this code are of no use to the command.
+  void silence(std::string code) { diagnostics_.silence(std::move(code)); }
   // The inputs, or nothing after printing what is wrong.
   std::optional<Model> read_model();
   std::optional<std::vector<Evidence>> read_evidence(const Model& model);
@@ -100,6 +102,9 @@ class Session {
   int finish(int code, const std::string& text, const std::function<std::string()>& json);
 
  private:
+  // What would be overwritten before or after it is read; empty: nothing.
+  std::string lost_file(const std::vector<std::string>& outputs, std::vector<std::string> inputs) const;
+
   Options options_;
   Diagnostics diagnostics_;
   TerminalMonitor monitor_;

@@ -169,9 +169,9 @@ Json show_json(const StepPicture& picture, const std::string& method) {
     json["grades"][grades.name] = matrix_json(
         picture, [&](std::size_t o, std::size_t n) { return grades.values[o * picture.new_names.size() + n]; });
   }
-  constexpr const char* kNames[] = {"stay", "move", "newview"};
+  constexpr const char* kExplanations[] = {"stay", "move", "newview"};
   for (std::size_t k = 0; k < 3; ++k) {
-    json["is"][kNames[k]] =
+    json["is"][kExplanations[k]] =
         matrix_json(picture, [&](std::size_t o, std::size_t n) { return picture.belief.pair(o, n)[k]; });
   }
   json["appear"] = Json::array();

@@ -134,7 +134,7 @@ Json xval_json(const CrossValidationResult& result) {
       entry["log_loss"] = fold.log_loss;
     }
     entry["converged"] = fold.converged;
-    if (!fold.stdevs.empty()) entry["prior_stdevs"] = fold.stdevs;
+    for (const double stdev : fold.stdevs) entry["prior_stdevs"].push_back(finite_or_inf(stdev));
     json["folds"].push_back(std::move(entry));
   }
   if (!result.warnings.empty()) json["warnings"] = result.warnings;
@@ -151,8 +151,10 @@ std::string xval_text(const CrossValidationResult& result) {
                       "log-loss", "train s", "test s", result.folds[0].stdevs.empty() ? "" : "prior stdevs");
   for (std::size_t f = 0; f < result.folds.size(); ++f) {
     const FoldResult& fold = result.folds[f];
-    text += fmt::format("{:>5} {:>10} {:>9} {:>9.4f} {:>9.4f} {:>8.3f} {:>8.3f}  {}\n", f + 1, fold.databases,
-                        fold.examples, fold.accuracy, fold.log_loss, fold.train_seconds, fold.test_seconds,
+    const bool measured = fold.examples > 0;
+    text += fmt::format("{:>5} {:>10} {:>9} {:>9} {:>9} {:>8.3f} {:>8.3f}  {}\n", f + 1, fold.databases, fold.examples,
+                        measured ? fmt::format("{:.4f}", fold.accuracy) : "-",
+                        measured ? fmt::format("{:.4f}", fold.log_loss) : "-", fold.train_seconds, fold.test_seconds,
                         fmt::join(fold.stdevs, " "));
   }
   if (e.examples == 0) return text;
@@ -197,6 +199,7 @@ int validate_and_write(Session& session, const XvalArguments& arguments) {
   if (arguments.options.queries.size() != 1) {
     return session.error("name the one predicate that is to be predicted with -q"), kBadInput;
   }
+  session.silence("no-weight");  // here that is what is asked for
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto target = find_predicate(session, *model, "-q", arguments.options.queries[0]);

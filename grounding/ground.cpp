@@ -159,7 +159,7 @@ class Grounder {
     if (stop_.interrupted()) return halt(Termination::kInterrupted, fmt::format("interrupted {}", where()));
     if (stop_.out_of_time()) {
       return halt(Termination::kTimeLimit,
-                  fmt::format("the limit of {:g} seconds was reached {}", stop_.max_seconds(), where()));
+                  fmt::format("the time limit was reached {}", where()));
     }
     if (atoms_.overflowed()) {
       return halt(Termination::kMemoryLimit,

@@ -15,6 +15,7 @@ namespace sherlog {
 namespace {
 
 constexpr std::size_t kRowsForThreads = 20000;  // fewer are summed before a thread has started
+constexpr double kConstantCount = 1e-8;         // share of a column by which rounding may move an expectation
 constexpr double kDifference = 1e-4;            // of a weight, for second derivatives
 
 }  // namespace
@@ -99,6 +100,34 @@ JointLikelihood::JointLikelihood(std::span<const JointParts* const> databases, s
   beliefs_.resize(row_count);
   log_partitions_.resize(parts_.size());
   terminations_.resize(parts_.size());
+  look_for_constants();
+}
+
+// A count that is the same in every world (one value of a block each, say, or what a hard formula fixes) equals its
+// expectation at any weights. Two points without a pattern tell: elsewhere they would both have to meet it by chance.
+void JointLikelihood::look_for_constants() {
+  std::vector<double> size(support_.size(), 1.0);
+  for (std::int64_t r = 0; r < rows_.rows(); ++r) {
+    for (Matrix::InnerIterator e(rows_, r); e; ++e) size[static_cast<std::size_t>(e.col())] += std::abs(e.value());
+  }
+  std::vector<double> weights(support_.size()), gradient(support_.size());
+  std::vector<bool> constant(support_.size(), true);
+  for (const double step : {0.6180339887, 0.7548776662}) {
+    double position = 0.0;
+    for (double& w : weights) {
+      position += step;
+      position -= std::floor(position);
+      w = position - 0.5;
+    }
+    evaluate(weights, gradient);
+    if (termination_ != Termination::kCompleted) return;
+    for (std::size_t w = 0; w < weights.size(); ++w) {
+      constant[w] = constant[w] && std::abs(gradient[w]) <= kConstantCount * size[w];
+    }
+  }
+  for (std::size_t w = 0; w < weights.size(); ++w) {
+    if (constant[w]) support_[w] = 0.0;
+  }
 }
 
 void JointLikelihood::sum_all() {
@@ -143,13 +172,14 @@ Eigen::MatrixXd JointLikelihood::information(std::span<const double> weights, st
   const auto size = static_cast<Eigen::Index>(subset.size());
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size, size);
   std::vector<double> at(weights.begin(), weights.end()), above(weights.size()), below(weights.size());
-  for (Eigen::Index i = 0; i < size && termination_ == Termination::kCompleted; ++i) {
+  for (Eigen::Index i = 0; i < size; ++i) {
     const std::uint32_t moved = subset[static_cast<std::size_t>(i)];
     at[moved] = weights[moved] + kDifference;
     evaluate(at, above);
     at[moved] = weights[moved] - kDifference;
     evaluate(at, below);
     at[moved] = weights[moved];
+    if (termination_ != Termination::kCompleted || stop_.reached()) return Eigen::MatrixXd(0, 0);
     for (Eigen::Index j = 0; j < size; ++j) {
       const std::uint32_t other = subset[static_cast<std::size_t>(j)];
       result(i, j) = (below[other] - above[other]) / (2.0 * kDifference);

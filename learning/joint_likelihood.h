@@ -63,6 +63,7 @@ class JointLikelihood : public Objective {
 
  private:
   void sum_all();
+  void look_for_constants();
 
   using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor, std::int64_t>;
   struct Part {

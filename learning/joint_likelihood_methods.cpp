@@ -75,7 +75,7 @@ PreparedOrProblem prepare_cll(const TrainingSet& set, const LearningOptions& opt
 }
 
 PreparedOrProblem prepare_ll(const TrainingSet& set, const LearningOptions& options, bool, const StopCondition& stop) {
-  return prepare(set, std::vector<bool>(set.mentioned.size(), true), options, stop);
+  return prepare(set, set.varying(), options, stop);
 }
 
 }  // namespace sherlog

@@ -44,7 +44,11 @@ class Learning {
     if (std::string problem = validate(options_); !problem.empty()) return fail(Termination::kRefused, problem);
     if (!set_.weights.problem().empty()) return fail(Termination::kMemoryLimit, set_.weights.problem());
     if (set_.databases.empty()) return fail(Termination::kRefused, "there is no training data");
-    if (std::string problem = training_problem(set_.model, set_.databases, set_.mentioned); !problem.empty()) {
+    // What a method opens has to be stated, whether or not a formula mentions it.
+    std::vector<bool> needed = options_.method == "ll" ? set_.varying() : set_.mentioned;
+    for (const PredicateId p : options_.discriminative) needed[p.index()] = true;
+    for (std::size_t p = 0; p < needed.size(); ++p) needed[p] = needed[p] || set_.mentioned[p];
+    if (std::string problem = training_problem(set_.model, set_.databases, needed); !problem.empty()) {
       return fail(Termination::kRefused, std::move(problem));
     }
     if (set_.weights.size() == 0) {
@@ -155,12 +159,18 @@ class Learning {
     for (std::uint32_t w = 0; w < start_.free.size(); ++w) {
       if (start_.free[w] && !(start_.priors[w].l1 > 0.0 && best.weights[w] == 0.0)) subset.push_back(w);
     }
+    if (subset.empty()) return;
     if (subset.size() > kMostErrors) {
       result_.warnings.push_back(fmt::format("no standard errors: they are computed for up to {} weights, these are {}",
                                              kMostErrors, subset.size()));
       return;
     }
     Eigen::MatrixXd information = objective.information(best.weights, subset);
+    if (information.rows() != static_cast<Eigen::Index>(subset.size())) {
+      result_.termination = stop_.reached() ? stop_.reason() : objective.termination();
+      result_.message = "the weights are learned, but their standard errors could not be computed to the end";
+      return;
+    }
     for (std::size_t i = 0; i < subset.size(); ++i) {
       information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) += start_.priors[subset[i]].precision();
     }
@@ -249,6 +259,9 @@ std::string validate(const LearningOptions& options) {
     return fmt::format("--search-gap: {} is not between 0 and 1", options.search_gap);
   }
   if (options.samples == 0) return "--samples: 0 is less than 1";
+  if (options.standard_errors && options.method == "mcsat") {
+    return "method 'mcsat' does not see the curvature that standard errors come from; cll does";
+  }
   return "";
 }
 

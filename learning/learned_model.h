@@ -9,8 +9,9 @@
 
 namespace sherlog {
 
-// The formula of a weight: + variables replaced by their constants. Variables carry a ? where the model writes them so or
-// where a constant has the same name.
+// The formula of a weight: + variables replaced by their constants, comparisons between constants decided ("true" or "false"
+// where nothing else is left). Variables carry a ? where the model writes them so or where a constant has the same name;
+// constants that would be read as variables are in quotes.
 std::string weight_text(const Model& model, const WeightTable& table, std::size_t weight);
 
 // The whole model, includes written out, each soft formula with its weight (shortest decimal that reads back to the same

@@ -19,7 +19,8 @@ class Objective {
   virtual std::size_t dimension() const = 0;
   // The value in nats; the gradient (dimension() entries) is overwritten.
   virtual double evaluate(std::span<const double> weights, std::span<double> gradient) = 0;
-  // Minus the second derivatives for the weights in `subset`, at `weights`: dense, subset.size() squared.
+  // Minus the second derivatives for the weights in `subset`, at `weights`: dense, subset.size() squared; of no rows where it
+  // was cut short.
   virtual Eigen::MatrixXd information(std::span<const double> weights, std::span<const std::uint32_t> subset) = 0;
   // How strongly the data speaks of a weight: 0 where no value of it changes the objective.
   virtual std::span<const double> support() const = 0;

@@ -13,6 +13,8 @@
 namespace sherlog {
 namespace {
 
+constexpr double kFlatGradient = 1e-4;  // at an objective of one nat; grows with its root
+
 // Prior terms count for free weights only: a fixed one adds a constant.
 class Problem {
  public:
@@ -100,6 +102,11 @@ class CeresCallback : public ceres::IterationCallback {
   Problem& problem_;
 };
 
+// Near the optimum of a large objective, rounding hides what a step would gain while the gradient is not yet tiny.
+bool flat(const OptimiserResult& result) {
+  return result.gradient_norm <= kFlatGradient * std::sqrt(std::max(1.0, std::abs(result.objective_with_prior)));
+}
+
 void solve_smooth(Problem& problem, std::vector<double>& x, const OptimiserOptions& options) {
   const ceres::GradientProblem gradient_problem(new CeresFunction(problem));
   ceres::GradientProblemSolver::Options solver;
@@ -115,16 +122,15 @@ void solve_smooth(Problem& problem, std::vector<double>& x, const OptimiserOptio
   ceres::GradientProblemSolver::Summary summary;
   ceres::Solve(solver, gradient_problem, x.data(), &summary);
   OptimiserResult& result = problem.result();
-  result.converged = summary.termination_type == ceres::CONVERGENCE;
-  if (result.converged) {
-    result.reason = result.gradient_norm <= options.gradient_tolerance
-                        ? fmt::format("the gradient is below {:g}", options.gradient_tolerance)
-                        : fmt::format("the objective changes by less than a share of {:g}", options.function_tolerance);
+  const bool small = result.gradient_norm <= options.gradient_tolerance;
+  result.converged = small || (flat(result) && summary.termination_type != ceres::NO_CONVERGENCE);
+  if (small) {
+    result.reason = fmt::format("the gradient is below {:g}", options.gradient_tolerance);
+  } else if (summary.termination_type == ceres::CONVERGENCE) {
+    result.reason = fmt::format("the objective changes by less than a share of {:g}", options.function_tolerance);
   } else if (summary.termination_type == ceres::NO_CONVERGENCE) {
     result.reason = fmt::format("the limit of {} iterations was reached", options.max_iterations);
   } else {
-    // At the optimum, rounding can leave a line search without a step that improves anything.
-    result.converged = result.gradient_norm <= 1e-4 * std::max(1.0, std::abs(result.objective_with_prior));
     result.reason = "no step improves the objective any more";
   }
 }
@@ -155,16 +161,18 @@ OptimiserResult maximise(Objective& objective, std::span<const double> start, co
     const auto go_on = [&](std::uint32_t iteration, double value) { return problem.go_on(iteration, value); };
     const OrthantWiseOutcome outcome = minimise_orthant_wise(x, l1, options.max_iterations, options.gradient_tolerance,
                                                              options.function_tolerance, evaluate, go_on);
-    result.converged = outcome.converged;
+    result.converged = outcome.converged && (result.gradient_norm <= options.gradient_tolerance || flat(result));
     result.reason = outcome.reason;
   }
-  if (!good_start || objective.termination() == Termination::kInterrupted ||
-      objective.termination() == Termination::kTimeLimit) {
+  // An optimum that was reached stays one; anything else that a limit or an interrupt ended was cut short.
+  const bool cut = objective.termination() == Termination::kInterrupted ||
+                   objective.termination() == Termination::kTimeLimit || stop.reached();
+  const bool at_optimum = result.converged && result.gradient_norm <= options.gradient_tolerance;
+  if (!good_start) {
     result.termination = objective.termination();
-  }
-  if (result.termination == Termination::kCompleted && stop.reached() && !result.converged) {
-    result.termination = stop.reason();
-    result.reason = "it was stopped";
+  } else if (cut && !at_optimum && !x.empty()) {
+    result.termination = objective.termination() != Termination::kCompleted ? objective.termination() : stop.reason();
+    result.reason = "it was stopped before the optimum was reached";
   }
   if (result.termination != Termination::kCompleted) result.converged = false;
   return std::move(result);

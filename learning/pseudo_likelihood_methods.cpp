@@ -126,11 +126,18 @@ std::string block_problem(const Model& model, const std::vector<PredicateId>& bl
   return "";
 }
 
+// What varies without a formula's notice is of no consequence.
+std::vector<bool> varying_in_formulas(const TrainingSet& set) {
+  std::vector<bool> result = set.varying();
+  for (std::size_t p = 0; p < result.size(); ++p) result[p] = result[p] && set.mentioned[p];
+  return result;
+}
+
 }  // namespace
 
 PreparedOrProblem prepare_pll(const TrainingSet& set, const LearningOptions& options, bool separate,
                               const StopCondition& stop) {
-  return prepare(set, one_by_one(set.mentioned), options, separate, stop);
+  return prepare(set, one_by_one(varying_in_formulas(set)), options, separate, stop);
 }
 
 PreparedOrProblem prepare_dpll(const TrainingSet& set, const LearningOptions& options, bool separate,
@@ -142,7 +149,7 @@ PreparedOrProblem prepare_dpll(const TrainingSet& set, const LearningOptions& op
 
 PreparedOrProblem prepare_bpll(const TrainingSet& set, const LearningOptions& options, bool separate,
                                const StopCondition& stop) {
-  std::vector<bool> alone = set.mentioned;
+  std::vector<bool> alone = varying_in_formulas(set), named(set.mentioned.size(), false);
   std::vector<OpenGroup> groups;
   for (const auto& block : options.blocks) {
     const std::string problem = block_problem(set.model, block);
@@ -150,10 +157,11 @@ PreparedOrProblem prepare_bpll(const TrainingSet& set, const LearningOptions& op
     OpenGroup group;
     for (const PredicateId p : block) {
       if (!set.mentioned[p.index()]) continue;
-      if (!alone[p.index()]) {
+      if (named[p.index()]) {
         return {nullptr,
                 {Termination::kRefused, fmt::format("--block: '{}' stands twice", set.model.predicate(p).name)}};
       }
+      named[p.index()] = true;
       alone[p.index()] = false;
       group.predicates.push_back(p);
     }

@@ -18,6 +18,12 @@ TrainingSet::TrainingSet(const Model& given, std::span<const Evidence> given_dat
   for (const Evidence& evidence : given_databases) databases.push_back(renumbered(evidence, given, model));
 }
 
+std::vector<bool> TrainingSet::varying() const {
+  std::vector<bool> result;
+  for (const Predicate& predicate : model.predicates()) result.push_back(!predicate.closed);
+  return result;
+}
+
 std::vector<bool> opened(const Model& model, std::span<const PredicateId> predicates) {
   std::vector<bool> open(model.predicates().size(), false);
   for (const PredicateId p : predicates) open[p.index()] = true;

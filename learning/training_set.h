@@ -17,6 +17,9 @@ struct TrainingSet {
   std::vector<bool> mentioned;      // by predicate: in a formula
   WeightTable weights;
 
+  // By predicate: not declared closed (*P). What a method that explains the whole database explains.
+  std::vector<bool> varying() const;
+
   TrainingSet(const Model& given, std::span<const Evidence> given_databases);
 };
 

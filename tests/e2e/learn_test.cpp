@@ -569,5 +569,107 @@ TEST_F(Learning, XvalInterruptedHandsOverTheFoldsSoFar) {
   EXPECT_LT(result["folds"].size(), 2u);
 }
 
+TEST_F(Learning, ConstantsThatLookLikeVariablesComeBackAsConstants) {
+  scratch.write("pizza.mln",
+                "Likes(p, thing)\nHappy(p)\n0 Likes(x, \"pizza\") => Happy(x)\n0 Happy(x)\n"
+                "!Likes(x, \"rain\") v !Happy(x).\n");
+  scratch.write("pizza.db",
+                "Likes(Anna,pizza)\nHappy(Anna)\nLikes(Bob,rain)\nLikes(Cid,pizza)\nHappy(Cid)\nLikes(Dee,snow)\n");
+  const Outcome first = scratch.sherlog(
+      "learn -m pizza.mln -t pizza.db --method dpll --discriminative Happy -o learned.mln --json first.json");
+  ASSERT_EQ(first.code, 0) << first.err;
+  const std::string text = scratch.read("learned.mln");
+  EXPECT_THAT(text, HasSubstr("Likes(x, \"pizza\")"));
+  EXPECT_THAT(text, HasSubstr("\"rain\""));
+  // Learned again from there, nothing changes: the same objective at the same weights.
+  const Outcome again = scratch.sherlog(
+      "learn -m learned.mln -t pizza.db --method dpll --discriminative Happy -o again.mln --json again.json");
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_NEAR(Json::parse(scratch.read("first.json"))["objective_with_prior"].get<double>(),
+              Json::parse(scratch.read("again.json"))["objective_with_prior"].get<double>(), 1e-6);
+  EXPECT_EQ(scratch.sherlog("infer -m learned.mln -e pizza.db -q Happy").code, 0);
+}
+
+TEST_F(Learning, TemplatesThatCompareTheirConstantsComeBack) {
+  scratch.write("near.mln",
+                "obj = {Cup, Bowl, Box}\nobject(o, obj!)\nnear(o, o)\n"
+                "near(c, d) ^ object(c, +a) ^ object(d, +b) ^ a != b\n"
+                "object(c, +a) ^ (a = Cup v near(c, c))\n");
+  scratch.write("near.db", "object(A,Cup)\nobject(B,Bowl)\nobject(C,Box)\nnear(A,B)\nnear(B,C)\nnear(C,C)\n");
+  const Outcome learned =
+      scratch.sherlog("learn -m near.mln -t near.db --method cll --discriminative object -o learned.mln --json a.json");
+  ASSERT_EQ(learned.code, 0) << learned.err;
+  const std::string text = scratch.read("learned.mln");
+  EXPECT_THAT(text, HasSubstr("near(c, d) ^ object(c, Cup) ^ object(d, Bowl)\n"));
+  EXPECT_THAT(text, Not(HasSubstr("object(c, Cup) ^ object(d, Cup)")));  // never true
+  const Outcome again = scratch.sherlog(
+      "learn -m learned.mln -t near.db --method cll --discriminative object -o again.mln --json b.json");
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_NEAR(Json::parse(scratch.read("a.json"))["objective"].get<double>(),
+              Json::parse(scratch.read("b.json"))["objective"].get<double>(), 1e-6);
+}
+
+TEST_F(Learning, ErrorsOfNoWeightAreNoTrouble) {
+  scratch.write("fixed.mln", "P(a)\n#fixweight\n1 P(x)\n");
+  scratch.write("fixed.db", "P(A)\na = {A, B}\n");
+  for (const char* arguments : {"-m fixed.mln -t fixed.db", "-m fixed.mln -t fixed.db --prior-l1 1e3"}) {
+    EXPECT_EQ(scratch.sherlog(std::string("learn -o out.mln --standard-errors ") + arguments).code, 0) << arguments;
+    EXPECT_TRUE(scratch.exists("out.mln"));
+  }
+}
+
+TEST_F(Learning, NothingThatIsReadIsOverwritten) {
+  scratch.write("p.mln", "P(a)\n1 P(x)\n");
+  scratch.write("p.db", "P(A)\n");
+  for (const char* arguments :
+       {"learn -m p.mln -t p.db -o p.db", "learn -m p.mln -t p.db -o ./p.mln",
+        "learn -m p.mln -t p.db -o o.mln --json o.mln", "infer -m p.mln -e p.db -q P --json p.db"}) {
+    const Outcome outcome = scratch.sherlog(arguments);
+    EXPECT_EQ(outcome.code, 2) << arguments;
+    EXPECT_THAT(outcome.err, HasSubstr(".")) << arguments;
+  }
+  EXPECT_EQ(scratch.read("p.db"), "P(A)\n");
+  EXPECT_EQ(scratch.read("p.mln"), "P(a)\n1 P(x)\n");
+}
+
+TEST_F(Learning, ACountThatNeverChangesIsNamedByEveryMethod) {
+  scratch.write("count.mln", "is(o, cls!)\nBig(o)\n0 is(o, c)\n0 is(o, Cat) ^ Big(o)\n");
+  scratch.write("count.db", "is(A,Cat)\nis(B,Dog)\nis(C,Cat)\nBig(A)\ncls = {Cat, Dog}\n");
+  for (const char* method : {"pll", "dpll --discriminative is", "cll --discriminative is", "ll"}) {
+    const Outcome outcome =
+        scratch.sherlog(std::string("learn -m count.mln -t count.db -o c.mln --json c.json --method ") + method);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    const Json weights = Json::parse(scratch.read("c.json"))["weights"];
+    ASSERT_EQ(weights.size(), 2u);
+    EXPECT_EQ(weights[0].value("identified", true), false) << method;
+    EXPECT_EQ(weights[1].value("identified", true), true) << method;
+  }
+}
+
+TEST_F(Learning, ClosedPredicatesAreGiven) {
+  scratch.write("closed.mln", "*Q(a)\nP(a)\n0 P(x)\n0 Q(x) => P(x)\n0 Q(x)\n");
+  scratch.write("closed.db", "P(A)\nQ(A)\nQ(B)\na = {A, B, C}\n");
+  for (const char* method : {"pll", "ll"}) {
+    const Outcome outcome =
+        scratch.sherlog(std::string("learn -m closed.mln -t closed.db -o c.mln --json c.json --method ") + method);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_EQ(Json::parse(scratch.read("c.json"))["weights"][2].value("identified", true), false) << method;
+  }
+}
+
+TEST_F(Learning, TimeThatEndsTheSearchIsNoOptimum) {
+  const Outcome outcome = scratch.sherlog("scenes generate --scenes 60 -o s.db");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const std::string model = std::string(SHERLOG_SOURCE_DIR) + "/models/information_fusion/experiment/extended.mln";
+  const Outcome cut =
+      scratch.sherlog("learn -m " + model +
+                      " -t s.db --method pll --prior-stdev 1000 --tolerance 1e-12 --max-iterations 1000000 "
+                      "--max-seconds 1.5 -o w.mln --json w.json");
+  ASSERT_EQ(cut.code, 4) << cut.err;
+  const Json json = Json::parse(scratch.read("w.json"));
+  EXPECT_EQ(json["termination"], "time_limit");
+  EXPECT_EQ(json["converged"], false);
+}
+
 }  // namespace
 }  // namespace sherlog::e2e
