@@ -234,6 +234,26 @@ Eigen::Isometry3d look_at(const Vector3d& eye, const Vector3d& target) {
   return pose;
 }
 
+std::vector<PlacedMesh> meshes_of(std::span<const Body> bodies) {
+  std::vector<PlacedMesh> meshes;
+  for (const Body& body : bodies) {
+    switch (body.shape) {
+      case BodyShape::kBox:
+        meshes.push_back({box_mesh(body.size), body.pose});
+        break;
+      case BodyShape::kCylinder:
+        meshes.push_back({cylinder_mesh(body.size.x(), body.size.z()), body.pose});
+        break;
+      case BodyShape::kCapsule:
+        meshes.push_back({capsule_mesh(body.size.x(), body.size.z()), body.pose});
+        break;
+      case BodyShape::kBowl:
+        break;
+    }
+  }
+  return meshes;
+}
+
 Body limb(const Vector3d& a, const Vector3d& b, double diameter, cv::Vec3b colour, std::uint16_t entity) {
   Body body{
       .shape = BodyShape::kCapsule, .size = {diameter, diameter, (b - a).norm()}, .colour = colour, .entity = entity};

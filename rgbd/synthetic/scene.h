@@ -10,10 +10,12 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "rgbd/depth/known_structure.h"
 #include "rgbd/frames/frame.h"
 
 namespace sherlog::rgbd {
@@ -79,6 +81,9 @@ View render(const Scene& scene, const Calibration& calibration, const Eigen::Iso
 Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target);
 // A capsule from a to b.
 Body limb(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double diameter, cv::Vec3b colour, std::uint16_t entity);
+
+// The bodies as a map or a robot's model would have them, to be drawn; bowls are left out.
+std::vector<PlacedMesh> meshes_of(std::span<const Body> bodies);
 
 // Point where the ray origin + t direction meets the body: least t > 0, with the outward normal, both in the world. False: none.
 bool meet(const Body& body, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double& t,
