@@ -1,0 +1,68 @@
+// Who is who among the keypoints, from frame to frame.
+//
+// Idea      Seen from above people are apart even where they overlap in the picture: keypoints are clustered in the plane of x
+//           and depth. A handful of means is kept from frame to frame, each with a label and an age that grows with its
+//           size; older ones go first, so that noise and newcomers never take over a label. For every frame means are added until each
+//           keypoint has one within half a metre, drawn to the middle of what is theirs, and dropped where two meet.
+// Source    the pose paper, section III.B, Algs. 1-3 and Eq. 1. Read as: a new mean gets a fresh label; a keypoint takes the mean
+//           that a permutation names first, not the place in the permutation; the loop over j ends where i is deleted, and counts
+//           are swapped with the rest; a mean without keypoints stays where it is; age grows once a frame, by the last of
+//           the three rounds.
+// Random    four permutations a round from (seed, frame, round)
+// Cost      O(keypoints x means) a frame
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "rgbd/pose/keypoints.h"
+
+namespace sherlog::rgbd {
+
+struct SegmentationOptions {
+  std::size_t most_means = 15;  // k_max
+  float radius = 0.5F;          // r, metres
+  float overlap = 0.7F;         // r2 as a part of r
+  std::size_t rounds = 3;
+  std::uint64_t seed = 1;
+};
+
+struct Segment {
+  float x = 0, depth = 0;  // of the mean, metres
+  double age = 0;          // sum over frames of 1 + the root of the number of its keypoints
+  std::int32_t label = 0;  // from 1, never given twice
+  std::size_t count = 0;   // keypoints
+};
+
+class SpatioTemporalSegmentation {
+ public:
+  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+  static constexpr std::size_t kPermutations = 4;
+
+  explicit SpatioTemporalSegmentation(const SegmentationOptions& options = {}) : options_(options) {}
+
+  // One frame. Label of each keypoint, that of the nearest mean; 0 where none is within the radius.
+  std::vector<std::int32_t> next(std::span<const Keypoint> points);
+  // The first k means.
+  std::span<const Segment> segments() const { return segments_; }
+
+  // The steps, for tests.
+  void increase_k(std::span<const Keypoint> points);
+  // Index of the mean of each keypoint, kNone: none within the radius.
+  std::vector<std::size_t> local_neighbourhood(std::span<const Keypoint> points,
+                                               std::span<const std::vector<std::size_t>> permutations) const;
+  void mean_shift(std::span<const Keypoint> points, std::span<const std::size_t> assigned);
+  void reduce_k();
+
+ private:
+  std::vector<std::vector<std::size_t>> permutations(std::uint64_t round) const;
+
+  SegmentationOptions options_;
+  std::vector<Segment> segments_;
+  std::int32_t last_label_ = 0;
+  std::uint64_t frame_ = 0;
+};
+
+}  // namespace sherlog::rgbd

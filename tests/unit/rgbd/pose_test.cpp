@@ -1,0 +1,172 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <random>
+#include <set>
+
+#include "rgbd/depth/background.h"
+#include "rgbd/pose/segmentation.h"
+#include "rgbd/synthetic/sequences.h"
+
+namespace sherlog::rgbd {
+namespace {
+
+int components(const MaskImage& mask) {
+  cv::Mat1i labels;
+  return cv::connectedComponents(mask, labels, 8) - 1;
+}
+
+TEST(Contours, OfNinePixelsGoAndOfTenStay) {
+  MaskImage mask(20, 40, std::uint8_t{0});
+  mask(cv::Rect(2, 3, 9, 1)).setTo(255);
+  mask(cv::Rect(20, 3, 10, 1)).setTo(255);
+  for (int i = 0; i < 10; ++i) mask(6 + i, 5 + i) = 255;  // joined by corners
+  remove_small_components(mask, 10);
+  EXPECT_EQ(cv::countNonZero(mask.row(3)), 10);
+  EXPECT_EQ(cv::countNonZero(mask), 20);
+}
+
+TEST(Thinning, LeavesLinesAPixelWideAndNothingComesApart) {
+  std::mt19937_64 random(2);
+  for (int round = 0; round < 12; ++round) {
+    MaskImage mask(120, 160, std::uint8_t{0});
+    for (int k = 0; k < 8; ++k) {
+      const cv::Point a(static_cast<int>(random() % 160), static_cast<int>(random() % 120));
+      const cv::Point b(static_cast<int>(random() % 160), static_cast<int>(random() % 120));
+      cv::line(mask, a, b, cv::Scalar(255), 3 + static_cast<int>(random() % 14));
+    }
+    MaskImage thinned = mask.clone();
+    thin(thinned);
+    EXPECT_EQ(components(thinned), components(mask));
+    EXPECT_EQ(cv::countNonZero(thinned & ~mask), 0);
+    EXPECT_GT(cv::countNonZero(thinned), 0);
+    int blocks = 0;  // of 2 x 2 pixels: only where lines meet
+    for (int y = 0; y + 1 < 120; ++y) {
+      for (int x = 0; x + 1 < 160; ++x) blocks += cv::countNonZero(thinned(cv::Rect(x, y, 2, 2))) == 4 ? 1 : 0;
+    }
+    EXPECT_LE(blocks, 3);
+    MaskImage again = thinned.clone();
+    thin(again);
+    EXPECT_EQ(cv::norm(again, thinned, cv::NORM_INF), 0);
+  }
+}
+
+TEST(Thinning, OfABarIsItsMiddle) {
+  MaskImage bar(21, 61, std::uint8_t{0});
+  bar(cv::Rect(5, 5, 51, 11)).setTo(255);
+  thin(bar);
+  for (int x = 20; x < 40; ++x) {
+    EXPECT_EQ(cv::countNonZero(bar.col(x)), 1);
+    EXPECT_NEAR(bar(10, x) + bar(9, x) + bar(11, x), 255, 1);
+  }
+  MaskImage nothing(4, 4, std::uint8_t{0}), one(1, 1, std::uint8_t{255});
+  thin(nothing);
+  thin(one);
+  EXPECT_EQ(cv::countNonZero(nothing), 0);
+  EXPECT_EQ(one(0, 0), 255);
+}
+
+Keypoint at(float x, float depth) { return {{0, 0}, x, depth}; }
+
+TEST(Segmentation, CoversKeypointsWithinTheRadiusOldestFirst) {
+  SpatioTemporalSegmentation segmentation;
+  const std::vector<Keypoint> first = {at(0, 2), at(0.3F, 2), at(2, 2)};
+  segmentation.increase_k(first);
+  ASSERT_EQ(segmentation.segments().size(), 2U);
+  EXPECT_EQ(segmentation.segments()[0].count, 2U);
+  EXPECT_EQ(segmentation.segments()[1].label, 2);
+  // Never more than k_max means.
+  std::vector<Keypoint> many;
+  for (int i = 0; i < 40; ++i) many.push_back(at(static_cast<float>(3 * i), 5));
+  const std::vector<std::int32_t> labels = segmentation.next(many);
+  EXPECT_LE(segmentation.segments().size(), 15U);
+  EXPECT_NE(labels[0], 0);
+  EXPECT_EQ(std::ranges::count(labels, 0), 40 - 15 + 2);  // two means were elsewhere when they were counted
+}
+
+TEST(Segmentation, TakesTheMeanThatThePermutationNamesFirst) {
+  SpatioTemporalSegmentation segmentation;
+  segmentation.increase_k(std::vector<Keypoint>{at(0, 2), at(0.6F, 2), at(5, 5)});
+  ASSERT_EQ(segmentation.segments().size(), 3U);
+  const std::vector<std::vector<std::size_t>> orders = {{2, 1, 0}, {2, 0, 1}};
+  const std::vector<Keypoint> between = {at(0.3F, 2), at(0.3F, 2), at(9, 9)};
+  // The mean's index, not its place in the permutation, which is 1 both times.
+  EXPECT_EQ(segmentation.local_neighbourhood(between, orders),
+            (std::vector<std::size_t>{1, 0, SpatioTemporalSegmentation::kNone}));
+}
+
+TEST(Segmentation, DropsTheYoungerOfTwoThatMeetWithAllThatBelongsToIt) {
+  SpatioTemporalSegmentation segmentation;
+  segmentation.next(std::vector<Keypoint>{at(0, 2)});
+  for (int i = 0; i < 5; ++i) segmentation.next(std::vector<Keypoint>{at(0, 2)});
+  const Segment old = segmentation.segments()[0];
+  EXPECT_NEAR(old.age, 6 * 2, 1e-9);  // 1 + the root of 1 a frame, once a frame
+  segmentation.increase_k(std::vector<Keypoint>{at(0, 2), at(0.6F, 2), at(3, 3)});
+  ASSERT_EQ(segmentation.segments().size(), 3U);
+  const Segment third = segmentation.segments()[2];
+  // The second moves to within 35 cm of the first.
+  const std::vector<Keypoint> shifted = {at(0, 2), at(0.3F, 2), at(3, 3)};
+  segmentation.mean_shift(shifted, std::vector<std::size_t>{0, 1, 2});
+  segmentation.reduce_k();
+  ASSERT_EQ(segmentation.segments().size(), 2U);
+  EXPECT_EQ(segmentation.segments()[0].label, old.label);
+  EXPECT_EQ(segmentation.segments()[0].age, old.age);
+  EXPECT_EQ(segmentation.segments()[1].label, third.label);
+  EXPECT_EQ(segmentation.segments()[1].x, 3);
+  EXPECT_EQ(segmentation.segments()[1].count, 1U);
+}
+
+TEST(Segmentation, TakesFramesWithoutPeople) {
+  SpatioTemporalSegmentation segmentation;
+  EXPECT_TRUE(segmentation.next({}).empty());
+  segmentation.next(std::vector<Keypoint>{at(0, 2)});
+  EXPECT_TRUE(segmentation.next({}).empty());
+  EXPECT_TRUE(segmentation.segments().empty());
+}
+
+TEST(Segmentation, KeepsTheLabelsOfTwoPeopleWhoCross) {
+  const auto sequence = make_sequence("people_crossing", {.width = 320, .height = 240});
+  ASSERT_TRUE(sequence);
+  DepthPreprocessing chain;
+  SpatioTemporalSegmentation segmentation;
+  std::map<std::int32_t, std::map<std::int32_t, int>> frames_with;  // person, label
+  int frames = 0, together = 0;
+  std::size_t most_keypoints = 0;
+  for (std::size_t i = 0; i < sequence->size(); ++i) {
+    const TrueFrame truth = sequence->frame(i);
+    const PreprocessedDepth& depth = chain.next(truth.frame.depth, truth.frame.colour);
+    const std::vector<Keypoint> points = keypoints(depth.disparity, depth.foreground, sequence->calibration());
+    most_keypoints = std::max(most_keypoints, points.size());
+    const std::vector<std::int32_t> labels = segmentation.next(points);
+    EXPECT_LE(segmentation.segments().size(), 15U);
+    std::map<std::int32_t, std::map<std::int32_t, int>> votes;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const std::uint16_t entity = truth.entities(points[k].pixel.y, points[k].pixel.x);
+      const std::int32_t person = entity == 0 ? 0 : truth.scene.entities[entity - 1U].person;
+      if (person != 0) ++votes[person][labels[k]];
+    }
+    together += votes.size() == 2 ? 1 : 0;
+    for (const auto& [person, count] : votes) {
+      const auto best = std::ranges::max_element(count, {}, [](const auto& entry) { return entry.second; });
+      if (best->second < 15) continue;  // a hand at the border of the image
+      ++frames_with[person][best->first];
+      ++frames;
+    }
+  }
+  EXPECT_GT(together, 100);
+  EXPECT_GT(frames, 300);
+  EXPECT_LT(most_keypoints, 1500U);
+  ASSERT_EQ(frames_with.size(), 2U);
+  std::set<std::int32_t> labels;
+  for (const auto& [person, count] : frames_with) {
+    EXPECT_EQ(count.size(), 1U) << "person " << person;
+    labels.insert(count.begin()->first);
+  }
+  EXPECT_EQ(labels.size(), 2U);
+  EXPECT_FALSE(labels.contains(0));
+}
+
+}  // namespace
+}  // namespace sherlog::rgbd
