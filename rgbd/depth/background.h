@@ -8,7 +8,7 @@
 //           not to the person.
 // Source    inpainting paper, section III: Eqs. 2-6 and Alg. 3. Read as: both conditions (Eqs. 3 and 4) have to hold; valid pixels are
 //           mapped as well as gaps; gaps are those of the measured image; the first frame is the first estimate.
-// Cost      O(1) time and 33 bytes of memory a pixel
+// Cost      O(1) time and 29 bytes of memory a pixel
 #pragma once
 
 #include <vector>

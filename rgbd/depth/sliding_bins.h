@@ -1,7 +1,7 @@
 // Mode of a stream of angles by three sliding bins.
 //
 // Idea      A histogram of three bins a third of a turn apart, which slides: where values fall to the reference bin, it moves to
-//           their mean and the others with it. Two numbers for the place and the count, two more for the other counts: a mixture
+//           their mean and the others with it. A place and four counts: a mixture
 //           of three kinds of angles in constant memory.
 //           As printed nothing lets the reference go where it started too far from the mode; here the bin that has overtaken it becomes
 //           the reference, and its mean starts anew with the value that did it. Means are circular: by the difference to the mean, in -pi ... pi.
@@ -24,7 +24,7 @@ inline float wrapped(float angle) {
   return angle < -kPi ? angle + 2 * kPi : angle;
 }
 
-// 12 bytes.
+// Eight bytes.
 struct SlidingBins {
   float reference = 0;                   // radians, -pi ... pi: the mode
   std::array<std::uint8_t, 3> counts{};  // of the reference, of it + 2 pi / 3, of it - 2 pi / 3
@@ -49,5 +49,7 @@ struct SlidingBins {
     }
   }
 };
+
+static_assert(sizeof(SlidingBins) == 8);
 
 }  // namespace sherlog::rgbd
