@@ -118,6 +118,43 @@ TEST(Segmentation, DropsTheYoungerOfTwoThatMeetWithAllThatBelongsToIt) {
   EXPECT_EQ(segmentation.segments()[1].count, 1U);
 }
 
+TEST(Segmentation, LeavesNoiseYoungAndGivesAHandedThingALabelOfItsOwn) {
+  std::mt19937_64 random(6);
+  std::normal_distribution<float> body(0, 0.1F);
+  std::uniform_real_distribution<float> anywhere(-3, 3);
+  SpatioTemporalSegmentation segmentation;
+  std::set<std::int32_t> labels_of_person, labels_of_thing;
+  for (int frame = 0; frame < 120; ++frame) {
+    std::vector<Keypoint> points;
+    const float walked = -1.5F + 0.02F * static_cast<float>(frame);
+    for (int i = 0; i < 150; ++i) points.push_back(at(walked + body(random), 3 + body(random)));
+    const bool is_handed = frame >= 60;  // a kettle comes in from the side
+    if (is_handed) {
+      for (int i = 0; i < 15; ++i) points.push_back(at(walked + 0.8F + 0.3F * body(random), 3 + 0.3F * body(random)));
+    }
+    for (int i = 0; i < 4; ++i) points.push_back(at(anywhere(random), 6 + anywhere(random) / 3));
+    const std::vector<std::int32_t> labels = segmentation.next(points);
+    std::map<std::int32_t, int> votes;
+    for (std::size_t i = 0; i < 150; ++i) ++votes[labels[i]];
+    labels_of_person.insert(std::ranges::max_element(votes, {}, [](const auto& v) { return v.second; })->first);
+    if (frame >= 70) labels_of_thing.insert(labels[155]);  // settled
+    EXPECT_LE(segmentation.segments().size(), 15U);
+  }
+  ASSERT_EQ(labels_of_person.size(), 1U);
+  ASSERT_EQ(labels_of_thing.size(), 1U);
+  EXPECT_FALSE(labels_of_thing.contains(*labels_of_person.begin()));
+  double person = 0, oldest_noise = 0;
+  for (const Segment& segment : segmentation.segments()) {
+    if (labels_of_person.contains(segment.label)) {
+      person = segment.age;
+    } else if (!labels_of_thing.contains(segment.label)) {
+      oldest_noise = std::max(oldest_noise, segment.age);
+    }
+  }
+  EXPECT_GT(person, 1000);
+  EXPECT_LT(oldest_noise, 0.1 * person);
+}
+
 TEST(Segmentation, TakesFramesWithoutPeople) {
   SpatioTemporalSegmentation segmentation;
   EXPECT_TRUE(segmentation.next({}).empty());
