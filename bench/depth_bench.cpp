@@ -1,6 +1,7 @@
-// Depth preprocessing on one core: each stage and the whole chain at 640 x 480 beside a plain OpenCV step (a 3 x 3 median of 16-bit
-// pixels), time per pixel over sizes, and the known-structure filter. `depth_bench --scores` prints no times but how good it is:
-// F-measures against OpenCV's MOG2 on every synthetic sequence, outlines, shares of known pixels and of objects.
+// Depth preprocessing on one core: each stage and the whole chain at 640 x 480 beside a plain OpenCV step (a 3 x 3
+// median of 16-bit pixels), time per pixel over sizes, and the known-structure filter. `depth_bench --scores` prints no
+// times but how good it is: F-measures against OpenCV's MOG2 on every synthetic sequence, outlines, shares of known
+// pixels and of objects.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 

@@ -1,5 +1,5 @@
-// From a depth frame to labelled people on one core: the stages of pose at 640 x 480, and the whole chain with its depth
-// preprocessing. `people_crossing` has two people in view, `crowd` up to fifty.
+// From a depth frame to labelled people on one core: the stages of pose at 640 x 480, and the whole chain with its
+// depth preprocessing. `people_crossing` has two people in view, `crowd` up to fifty.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 

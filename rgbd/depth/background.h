@@ -1,13 +1,14 @@
 // The background behind everything that moves, and what stands in front of it.
 //
-// Idea      People and things come and go; the wall behind them is the farthest that a pixel ever measures, again and again. So
-//           the estimate follows a pixel only where it is not nearer than the estimate (less a hysteresis) and is going away, and
-//           never by more than the hysteresis at once, so that an outlier does little. What differs from it in depth, colour and
-//           the direction of the surface is foreground. All in normalised disparity, where one threshold is right near and far.
-//           Gaps of a frame take the farther one of pyramid and background: a window behind a person belongs to the room,
-//           not to the person.
-// Source    inpainting paper, section III: Eqs. 2-6 and Alg. 3. Read as: both conditions (Eqs. 3 and 4) have to hold; valid pixels are
-//           mapped as well as gaps; gaps are those of the measured image; the first frame is the first estimate.
+// Idea      People and things come and go; the wall behind them is the farthest that a pixel ever measures, again and
+//           again. So the estimate follows a pixel only where it is not nearer than the estimate (less a hysteresis)
+//           and is going away, and never by more than the hysteresis at once, so that an outlier does little. What
+//           differs from it in depth, colour and the direction of the surface is foreground. All in normalised
+//           disparity, where one threshold is right near and far. Gaps of a frame take the farther one of pyramid and
+//           background: a window behind a person belongs to the room, not to the person.
+// Source    inpainting paper, section III: Eqs. 2-6 and Alg. 3. Read as: both conditions (Eqs. 3 and 4) have to hold;
+//           valid pixels are mapped as well as gaps; gaps are those of the measured image; the first frame is the first
+//           estimate.
 // Cost      O(1) time and 29 bytes of memory a pixel
 #pragma once
 
@@ -22,8 +23,8 @@ namespace sherlog::rgbd {
 struct BackgroundOptions {
   float tau = 0.2F;         // share of the old estimate in the new one (Eq. 2 as printed)
   float hysteresis = 5.0F;  // zeta, steps; the paper gives none. More than 1
-  // Values in gaps are learned from only after so many frames of nothing but gap; 0 as printed. At the edge of a thing that stands
-  // still a gap comes and goes, and what the pyramid puts there is as often what lies behind.
+  // Values in gaps are learned from only after so many frames of nothing but gap; 0 as printed. At the edge of a thing
+  // that stands still a gap comes and goes, and what the pyramid puts there is as often what lies behind.
   std::uint8_t gap_patience = 5;
 };
 
@@ -33,21 +34,22 @@ struct ForegroundOptions {
   float depth = 1.0F;        // for each step
   float angle = 57.29578F;   // beta, for each radian: degrees
   float threshold = 200.0F;  // eta
-  // Share of the depth's weight that counts where a pixel is farther than the background: 1 as printed. Nothing can be there, it is
-  // the estimate that still has to follow.
+  // Share of the depth's weight that counts where a pixel is farther than the background: 1 as printed. Nothing can be
+  // there, it is the estimate that still has to follow.
   float farther = 1.0F;
   bool majority = false;  // foreground is what at least five of the 3 x 3 pixels are: not in the paper
 };
 
 // Eq. 6 as printed: colour, steps and degrees count the same.
 inline ForegroundOptions printed_weights() { return {}; }
-// For depth alone: 4 steps, eight times the noise. Colour and the direction of walls, which is noise, would only blur it.
+// For depth alone: 4 steps, eight times the noise. Colour and the direction of walls, which is noise, would only blur
+// it.
 inline ForegroundOptions depth_weights() {
   return {.colour = 0.0F, .depth = 50.0F, .angle = 0.0F, .threshold = 200.0F, .farther = 0.0F, .majority = true};
 }
 
-// Eq. 5, radians, by central differences, one-sided at the border; 0 for a plane that faces the camera. The polynomial for the arc
-// tangent is right to 0.0003.
+// Eq. 5, radians, by central differences, one-sided at the border; 0 for a plane that faces the camera. The polynomial
+// for the arc tangent is right to 0.0003.
 void gradient_direction(const DisparityImage& disparity, cv::Mat1f& direction);
 void gradient_magnitude(const DisparityImage& disparity, cv::Mat1f& magnitude);  // steps a pixel
 
@@ -58,11 +60,12 @@ class BackgroundModel {
  public:
   explicit BackgroundModel(const BackgroundOptions& options = {}) : options_(options) {}
 
-  // Eqs. 2-5 on a frame of disparities; starts anew where the size changes. Gaps change nothing. `measured` tells what was not put
-  // into a gap (see gap_patience); empty: all.
+  // Eqs. 2-5 on a frame of disparities; starts anew where the size changes. Gaps change nothing. `measured` tells what
+  // was not put into a gap (see gap_patience); empty: all.
   void update(const DisparityImage& disparity, const ColourImage& colour, const cv::Mat1f& direction,
               const DepthImage& measured = {});
-  // Eq. 6 against the estimate. Before the first update: nothing is foreground. Gaps weigh nothing in depth and direction.
+  // Eq. 6 against the estimate. Before the first update: nothing is foreground. Gaps weigh nothing in depth and
+  // direction.
   void weigh(const DisparityImage& disparity, const ColourImage& colour, const cv::Mat1f& direction,
              const ForegroundOptions& options, cv::Mat1f& weight) const;
 

@@ -1,11 +1,12 @@
 // Normalised disparity: depth in the sensor's own steps, where noise is the same near and far.
 //
-// Idea      The sensor measures disparity in eighths of a pixel and gives out millimetres. A step is 0.7 mm at half a metre and
-//           7 cm at five, so no threshold in millimetres is right everywhere. The map back to the number of the step makes one
-//           threshold do; as depth has 16 bits, it is a table.
-// Source    Stommel, Beetz, Xu: Inpainting of missing values in the Kinect sensor's depth maps based on background estimates,
-//           IEEE Sensors Journal 2013, Eq. 1. a2 / a4 is 8 sub-pixels x 75 mm x 570.1 pixels: depth is in millimetres, and the
-//           index grows with depth although the paper calls it a disparity. a3 shifts all indices by -0.0007 and is kept.
+// Idea      The sensor measures disparity in eighths of a pixel and gives out millimetres. A step is 0.7 mm at half a
+//           metre and 7 cm at five, so no threshold in millimetres is right everywhere. The map back to the number of
+//           the step makes one threshold do; as depth has 16 bits, it is a table.
+// Source    Stommel, Beetz, Xu: Inpainting of missing values in the Kinect sensor's depth maps based on background
+//           estimates, 2013, Eq. 1. a2 / a4 is 8 sub-pixels x 75 mm x 570.1 pixels: depth is in
+//           millimetres, and the index grows with depth although the paper calls it a disparity. a3 shifts all indices
+//           by -0.0007 and is kept.
 // Cost      O(1) a pixel
 #pragma once
 
@@ -33,8 +34,8 @@ inline double disparity_step(double millimetres) {
   return metric_depth(normalised_disparity(millimetres) + 1) - millimetres;
 }
 
-// Of every depth by the table, and back, to the nearest millimetre; gaps stay gaps, what does not fit 16 bits becomes one. The
-// result is made where it has another size.
+// Of every depth by the table, and back, to the nearest millimetre; gaps stay gaps, what does not fit 16 bits becomes
+// one. The result is made where it has another size.
 void to_disparity(const DepthImage& depth, DisparityImage& disparity);
 void to_depth(const DisparityImage& disparity, DepthImage& depth);
 

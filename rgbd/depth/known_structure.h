@@ -1,12 +1,12 @@
 // Taking away what is known: the room's furniture and the robot's own arm.
 //
-// Idea      The map and the arm are drawn from where the sensor is; a pixel that measures what is drawn there is known. Normalised
-//           disparity is linear in the inverse depth, which is linear in the picture: a triangle is drawn with an addition a
-//           pixel, nearest wins by a maximum, and one tolerance in steps is a tolerance that grows with the square of the depth, as the
-//           sensor's error does. The residual is averaged over the neighbours that agree, so that the tolerance can be
-//           about a step: a thing that stands on a table loses only the row of pixels with which it touches it.
-//           At the outline of something known, half a pixel decides between two depths: there the neighbours' drawn depths count
-//           as well.
+// Idea      The map and the arm are drawn from where the sensor is; a pixel that measures what is drawn there is known.
+//           Normalised disparity is linear in the inverse depth, which is linear in the picture: a triangle is drawn
+//           with an addition a pixel, nearest wins by a maximum, and one tolerance in steps is a tolerance that grows
+//           with the square of the depth, as the sensor's error does. The residual is averaged over the neighbours that
+//           agree, so that the tolerance can be about a step: a thing that stands on a table loses only the row of
+//           pixels with which it touches it. At the outline of something known, half a pixel decides between two
+//           depths: there the neighbours' drawn depths count as well.
 // Source    deliverable 3.2 and Fig. 4, which does it in a shader. Here on a processor
 // Cost      O(drawn pixels + pixels); see bench/depth_bench
 #pragma once
@@ -26,8 +26,8 @@ struct Mesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
-// Centred on the origin, axes along z. Round ones have the mean of the radii in and around the circle, so that neither inside nor
-// outside is preferred.
+// Centred on the origin, axes along z. Round ones have the mean of the radii in and around the circle, so that neither
+// inside nor outside is preferred.
 Mesh box_mesh(const Eigen::Vector3d& size);
 Mesh cylinder_mesh(double diameter, double height, std::uint32_t segments = 24);
 Mesh capsule_mesh(double diameter, double length,

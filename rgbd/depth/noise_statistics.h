@@ -1,7 +1,7 @@
 // How much a sensor's depth varies from frame to frame: of recorded or simulated frames of a scene where nothing moves.
 //
-// Source    inpainting paper, section II.A and Figs. 1 and 2: pixels that are valid in more than half of the frames, mean and
-//           standard deviation of each, and the deviation by depth
+// Source    inpainting paper, section II.A and Figs. 1 and 2: pixels that are valid in more than half of the frames,
+//           mean and standard deviation of each, and the deviation by depth
 // Cost      O(pixels) a frame, 20 bytes a pixel
 #pragma once
 

@@ -1,11 +1,12 @@
 // Mode of a stream of angles by three sliding bins.
 //
-// Idea      A histogram of three bins a third of a turn apart, which slides: where values fall to the reference bin, it moves to
-//           their mean and the others with it. A place and four counts: a mixture
+// Idea      A histogram of three bins a third of a turn apart, which slides: where values fall to the reference bin, it
+//           moves to their mean and the others with it. A place and four counts: a mixture
 //           of three kinds of angles in constant memory.
-//           As printed nothing lets the reference go where it started too far from the mode; here the bin that has overtaken it becomes
-//           the reference, and its mean starts anew with the value that did it. Means are circular: by the difference to the mean, in -pi ... pi.
-//           Counts are halved when one reaches 255, so the estimate can follow a change and fits bytes.
+//           As printed nothing lets the reference go where it started too far from the mode; here the bin that has
+//           overtaken it becomes the reference, and its mean starts anew with the value that did it. Means are
+//           circular: by the difference to the mean, in -pi ... pi. Counts are halved when one reaches 255, so the
+//           estimate can follow a change and fits bytes.
 // Source    inpainting paper, section II.C; erratum: "2 pi / 3s" is 2 pi / 3
 // Cost      O(1) a value
 #pragma once

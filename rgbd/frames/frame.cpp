@@ -7,8 +7,8 @@
 namespace sherlog::rgbd {
 
 Calibration kinect_calibration(std::int32_t width, std::int32_t height) {
-  // 57 degrees are 589 pixels at 640; Eq. 1 of the inpainting paper has 342087 = 8 x 75 mm x 570 pixels in it. Its disparities
-  // are what the simulated sensor measures, so 570 it is.
+  // 57 degrees are 589 pixels at 640; Eq. 1 of the inpainting paper has 342087 = 8 x 75 mm x 570 pixels in it. Its
+  // disparities are what the simulated sensor measures, so 570 it is.
   const double focal = 570.1 * width / 640.0;
   return {
       .width = width, .height = height, .fx = focal, .fy = focal, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};

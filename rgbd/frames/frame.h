@@ -1,10 +1,10 @@
 // What a depth and colour camera gives at one moment.
 //
-// Depth is along the optical axis, in millimetres; 0 is a gap: no measurement, OpenCV's habit for such images. Colour is in
-// the order blue, green, red. Both images have the same size and show the same ray at the same pixel. A camera looks along its
-// z axis, x to the right and y down; a pose takes its points to the world, in metres.
-// cv::Mat_ is the view: it knows its stride, may be a part of a larger image, and a copy of it shares the pixels. Functions
-// here never write into an image that is given as const.
+// Depth is along the optical axis, in millimetres; 0 is a gap: no measurement, OpenCV's habit for such images. Colour
+// is in the order blue, green, red. Both images have the same size and show the same ray at the same pixel. A camera
+// looks along its z axis, x to the right and y down; a pose takes its points to the world, in metres.
+// cv::Mat_ is the view: it knows its stride, may be a part of a larger image, and a copy of it shares the pixels.
+// Functions here never write into an image that is given as const.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -35,7 +35,8 @@ struct Calibration {
 
 // The Kinect's 57 x 43 degrees at this size.
 Calibration kinect_calibration(std::int32_t width = 640, std::int32_t height = 480);
-// Empty, or what cannot be: sizes or focal lengths that are not positive, a centre far outside of the image, not numbers.
+// Empty, or what cannot be: sizes or focal lengths that are not positive, a centre far outside of the image, not
+// numbers.
 std::string problem_of(const Calibration& calibration);
 
 struct Frame {

@@ -7,15 +7,15 @@
 //   colour/000000.png ... 8 bits, three channels
 // and that of the TUM RGB-D recordings:
 //   rgb.txt, depth.txt    a line each: time file
-//   associations.txt      optional, a line each: time file time file, depth or colour first; else frames are paired by nearest
-//                         times, at most 20 ms apart, each at most once
+//   associations.txt      optional, a line each: time file time file, depth or colour first; else frames are paired by
+//                         nearest times, at most 20 ms apart, each at most once
 //   groundtruth.txt       optional, a line each: time tx ty tz qx qy qz qw; a frame has the nearest pose within 20 ms
 //   calibration.txt       optional; else the recordings' usual 525 pixels and 5000 units a metre
 // '#' begins a comment line. Which one a folder has is seen from frames.txt or depth.txt.
-// Errors    values: nothing is returned, and `problem` is "file: sentence" or "file:line: sentence". A frame that cannot be read
-//           does not end the sequence: the next may be asked for.
-// Source    the layout of Sturm, Engelhard, Endres, Burgard, Cremers: A benchmark for the evaluation of RGB-D SLAM systems,
-//           IROS 2012
+// Errors    values: nothing is returned, and `problem` is "file: sentence" or "file:line: sentence". A frame that
+//           cannot be read does not end the sequence: the next may be asked for.
+// Source    the layout of Sturm, Engelhard, Endres, Burgard, Cremers: A benchmark for the evaluation of RGB-D SLAM
+//           systems, IROS 2012
 #pragma once
 
 #include <filesystem>
@@ -44,8 +44,8 @@ struct Sequence {
   std::size_t unpaired = 0;        // TUM: depth images without a colour image near in time
 };
 
-// Reads the lists, not the images. Nothing where the folder has no layout, a list or the calibration is wrong, there is no frame,
-// or time goes backwards or stands.
+// Reads the lists, not the images. Nothing where the folder has no layout, a list or the calibration is wrong, there is
+// no frame, or time goes backwards or stands.
 std::optional<Sequence> open_sequence(const std::filesystem::path& folder, std::string& problem);
 
 // Nothing where an image is missing, no PNG, cut off or damaged, of other channels or bits, or of another size than the

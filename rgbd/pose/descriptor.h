@@ -1,11 +1,12 @@
 // A pose as 324 numbers, comparison, retrieval, and an order of many poses.
 //
-// Idea      A grid of 9 x 9 cells over the box around a person's keypoints; in each cell a histogram of the direction in which the
-//           skeleton's branch runs there, in four bins, smoothed a little over the cells. Place and size fall out by the box; two
-//           descriptors are compared by their correlation. No graph is matched, no end point is looked for.
-//           The direction at a keypoint is the main axis of its nearest keypoints along the Hilbert curve.
-//           Poses in an order: a minimum spanning tree of 1 - correlation (a minimum tree of the correlation itself, as printed, joins
-//           what is least alike), walked in preorder from an end of its longest path, children by weight.
+// Idea      A grid of 9 x 9 cells over the box around a person's keypoints; in each cell a histogram of the direction
+//           in which the skeleton's branch runs there, in four bins, smoothed a little over the cells. Place and size
+//           fall out by the box; two descriptors are compared by their correlation. No graph is matched, no end point
+//           is looked for. The direction at a keypoint is the main axis of its nearest keypoints along the Hilbert
+//           curve. Poses in an order: a minimum spanning tree of 1 - correlation (a minimum tree of the correlation
+//           itself, as printed, joins what is least alike), walked in preorder from an end of its longest path,
+//           children by weight.
 // Source    pose paper, section III.C and IV.B; fractal nearest-neighbour paper, Fig. 7
 // Cost      description O(keypoints), comparison 324 multiplications, order O(n^2 log n)
 #pragma once
@@ -32,8 +33,8 @@ struct PoseOptions {
   std::uint32_t neighbours = 6;  // keypoints that a direction is taken from
 };
 
-// Direction of the branch at each keypoint, radians in [0, pi). `map` is of the image's size. Nothing: there is no keypoint, or one
-// lies outside.
+// Direction of the branch at each keypoint, radians in [0, pi). `map` is of the image's size. Nothing: there is no
+// keypoint, or one lies outside.
 std::optional<std::vector<float>> branch_directions(const HilbertMap& map, std::span<const Pixel> points,
                                                     std::uint32_t neighbours);
 // Of points with directions. Nothing: fewer than two points, or as many directions as points are not given.

@@ -10,7 +10,8 @@
 namespace sherlog::rgbd {
 namespace {
 
-// By the eight neighbours of a pixel, as bits from the one above, clockwise: may it go in the first or second half of a round?
+// By the eight neighbours of a pixel, as bits from the one above, clockwise: may it go in the first or second half of a
+// round?
 struct ThinningTables {
   std::array<std::array<bool, 256>, 2> goes{};
 };

@@ -1,13 +1,14 @@
 // Who is who among the keypoints, from frame to frame.
 //
-// Idea      Seen from above people are apart even where they overlap in the picture: keypoints are clustered in the plane of x
-//           and depth. A handful of means is kept from frame to frame, each with a label and an age that grows with its
-//           size; older ones go first, so that noise and newcomers never take over a label. For every frame means are added until each
-//           keypoint has one within half a metre, drawn to the middle of what is theirs, and dropped where two meet.
-// Source    the pose paper, section III.B, Algs. 1-3 and Eq. 1. Read as: a new mean gets a fresh label; a keypoint takes the mean
-//           that a permutation names first, not the place in the permutation; the loop over j ends where i is deleted, and counts
-//           are swapped with the rest; a mean without keypoints stays where it is; age grows once a frame, by the last of
-//           the three rounds.
+// Idea      Seen from above people are apart even where they overlap in the picture: keypoints are clustered in the
+//           plane of x and depth. A handful of means is kept from frame to frame, each with a label and an age that
+//           grows with its size; older ones go first, so that noise and newcomers never take over a label. For every
+//           frame means are added until each keypoint has one within half a metre, drawn to the middle of what is
+//           theirs, and dropped where two meet.
+// Source    the pose paper, section III.B, Algs. 1-3 and Eq. 1. Read as: a new mean gets a fresh label; a keypoint
+//           takes the mean that a permutation names first, not the place in the permutation; the loop over j ends where
+//           i is deleted, and counts are swapped with the rest; a mean without keypoints stays where it is; age grows
+//           once a frame, by the last of the three rounds.
 // Random    four permutations a round from (seed, frame, round)
 // Cost      O(keypoints x means) a frame
 #pragma once

@@ -28,7 +28,8 @@ inline constexpr double kTableHeight = 0.75;
 
 // A table with a counter and a wall behind it.
 Scene table_room();
-// Walls, floor and cupboards of a room so deep; `windows` of them in the far wall, a screen and an oven's glass where asked.
+// Walls, floor and cupboards of a room so deep; `windows` of them in the far wall, a screen and an oven's glass where
+// asked.
 Scene living_room(double depth, int windows, bool shiny);
 
 // A person's arm that comes over the far edge of the table, its hand at the place.

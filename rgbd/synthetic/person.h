@@ -1,7 +1,8 @@
 // A walking person of capsules, with the joints as truth.
 //
-// Idea      Two angles of the hips, knees, shoulders and elbows each, as sines of the phase of the step; lengths are fractions of
-//           the height (Drillis and Contini 1966, rounded). The feet slide a little, which no depth image shows.
+// Idea      Two angles of the hips, knees, shoulders and elbows each, as sines of the phase of the step; lengths are
+//           fractions of the height (Drillis and Contini 1966, rounded). The feet slide a little, which no depth image
+//           shows.
 #pragma once
 
 #include "rgbd/synthetic/scene.h"

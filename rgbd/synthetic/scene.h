@@ -1,8 +1,9 @@
 // Scenes made of simple bodies, and what a perfect camera sees of them.
 //
-// Idea      A body is a unit shape with a scale and a pose; a ray is taken to the body's frame, where meeting it is a line or two
-//           of school geometry. Bodies belong to entities: a cup, a person, the robot, the room. What is seen carries the
-//           entity's number in every pixel, which is the truth that a perception chain is measured against.
+// Idea      A body is a unit shape with a scale and a pose; a ray is taken to the body's frame, where meeting it is a
+//           line or two of school geometry. Bodies belong to entities: a cup, a person, the robot, the room. What is
+//           seen carries the entity's number in every pixel, which is the truth that a perception chain is measured
+//           against.
 // Frames    the world's z axis points up; metres
 // Cost      O(pixels that the bodies' bounding spheres cover)
 #pragma once
@@ -85,7 +86,8 @@ Body limb(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double diameter, c
 // The bodies as a map or a robot's model would have them, to be drawn; bowls are left out.
 std::vector<PlacedMesh> meshes_of(std::span<const Body> bodies);
 
-// Point where the ray origin + t direction meets the body: least t > 0, with the outward normal, both in the world. False: none.
+// Point where the ray origin + t direction meets the body: least t > 0, with the outward normal, both in the world.
+// False: none.
 bool meet(const Body& body, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double& t,
           Eigen::Vector3d& normal);
 

@@ -1,12 +1,13 @@
 // A Kinect's errors on a perfect view.
 //
-// Idea      The sensor measures disparity, so that is where noise and rounding belong: far surfaces become coarse by themselves.
-//           Gaps come from where they come in the real one: surfaces that give nothing, what the projector beside the camera
-//           does not reach (shadows), grazing rays, edges, range, and now and then nothing at all.
-//           A pixel is in the shadow where another one to its right, nearer, is lit by the same ray of the projector: going from
-//           the right to the left of a row, a pixel is lit where its place in the projector's image is beyond all before.
-// Source    facts: section I of the inpainting paper (baseline 7.5 cm, an eighth of a pixel, range, what gives no depth). Rates are
-//           ours.
+// Idea      The sensor measures disparity, so that is where noise and rounding belong: far surfaces become coarse by
+//           themselves. Gaps come from where they come in the real one: surfaces that give nothing, what the projector
+//           beside the camera does not reach (shadows), grazing rays, edges, range, and now and then nothing at all.
+//           A pixel is in the shadow where another one to its right, nearer, is lit by the same ray of the projector:
+//           going from the right to the left of a row, a pixel is lit where its place in the projector's image is
+//           beyond all before.
+// Source    facts: section I of the inpainting paper (baseline 7.5 cm, an eighth of a pixel, range, what gives no
+//           depth). Rates are ours.
 // Random    every pixel's draws come from (seed, frame, pixel) alone: the same on all machines, in any order
 #pragma once
 

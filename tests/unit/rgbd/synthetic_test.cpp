@@ -119,7 +119,8 @@ TEST(Sensor, NoiseIsTheSameInStepsNearAndFar) {
   }
 }
 
-// A slow twin of the shadows: a pixel is dark where any other of its row is nearer and at the same place in the projector's image.
+// A slow twin of the shadows: a pixel is dark where any other of its row is nearer and at the same place in the
+// projector's image.
 TEST(Sensor, ShadowsAreWhereTheProjectorIsBlocked) {
   Scene scene;
   const std::uint16_t wall = scene.add({.name = "wall"}), post = scene.add({.name = "post"});
