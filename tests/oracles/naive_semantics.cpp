@@ -48,7 +48,7 @@ class Naive {
     std::vector<double> sums(result.marginals.size(), 0.0);
     best_ = -std::numeric_limits<double>::infinity();
     total_ = 0;
-    each_world(0, sums);
+    if (result.worlds > 0) each_world(0, sums);  // a block without values leaves none, after many attempts
     result.possible = total_ > 0;
     if (!result.possible) return result;
     result.log_partition = reference_ + std::log(total_);
