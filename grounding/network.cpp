@@ -22,10 +22,10 @@ std::uint64_t mix(std::uint64_t hash, std::uint64_t word) {
   return hash;
 }
 
-std::uint64_t gate_hash(GateKind kind, std::span<const Literal> inputs) {
+std::uint32_t gate_hash(GateKind kind, std::span<const Literal> inputs) {
   std::uint64_t hash = static_cast<std::uint64_t>(kind) + 17;
   for (Literal input : inputs) hash = mix(hash, input.code());
-  return hash;
+  return static_cast<std::uint32_t>(hash);
 }
 
 constexpr std::size_t kShortOr = 8;
@@ -196,29 +196,42 @@ VariableId NetworkBuilder::add_anonymous(std::uint32_t candidates, bool has_none
   return add_variable(predicate, arguments, candidates, has_none);
 }
 
-void NetworkBuilder::index_gate(std::uint64_t hash) {
-  grow(gate_table_, gate_hash_.size() + 1, [&](std::uint32_t g) { return gate_hash_[g]; });
+void NetworkBuilder::index_gate(std::uint32_t hash) {
+  grow_gate_table();
   const std::size_t mask = gate_table_.size() - 1;
   std::size_t slot = hash & mask;
   while (gate_table_[slot] != 0) slot = (slot + 1) & mask;
-  gate_hash_.push_back(hash);
-  gate_table_[slot] = static_cast<std::uint32_t>(gate_hash_.size());
+  gate_table_[slot] = std::uint64_t{hash} << 32 | ++gates_in_table_;
+}
+
+void NetworkBuilder::grow_gate_table() {
+  if ((gates_in_table_ + 1) * 2 < gate_table_.size()) return;
+  std::vector<std::uint64_t> bigger(std::max<std::size_t>(1024, gate_table_.size() * 2), 0);
+  const std::size_t mask = bigger.size() - 1;
+  for (const std::uint64_t entry : gate_table_) {
+    if (entry == 0) continue;
+    std::size_t slot = (entry >> 32) & mask;
+    while (bigger[slot] != 0) slot = (slot + 1) & mask;
+    bigger[slot] = entry;
+  }
+  gate_table_ = std::move(bigger);
 }
 
 Literal NetworkBuilder::intern(GateKind kind, std::span<const Literal> inputs) {
   auto& n = network_;
-  const std::uint64_t hash = gate_hash(kind, inputs);
-  grow(gate_table_, n.gate_kind_.size() + 1, [&](std::uint32_t g) { return gate_hash_[g]; });
+  const std::uint32_t hash = gate_hash(kind, inputs);
+  grow_gate_table();
   const std::size_t mask = gate_table_.size() - 1;
   std::size_t slot = hash & mask;
   for (; gate_table_[slot] != 0; slot = (slot + 1) & mask) {
-    const GateId gate(gate_table_[slot] - 1);
-    if (gate_hash_[gate.index()] != hash || n.gate_kind_[gate.index()] != kind) continue;
-    if (std::ranges::equal(n.gate_inputs(gate), inputs)) return Literal::gate(gate);
+    if (gate_table_[slot] >> 32 != hash) continue;
+    const GateId gate(static_cast<std::uint32_t>(gate_table_[slot]) - 1);
+    if (n.gate_kind_[gate.index()] == kind && std::ranges::equal(n.gate_inputs(gate), inputs)) {
+      return Literal::gate(gate);
+    }
   }
   const GateId gate(n.gate_kind_.size());
-  gate_table_[slot] = gate.value + 1;
-  gate_hash_.push_back(hash);
+  gate_table_[slot] = std::uint64_t{hash} << 32 | ++gates_in_table_;
   n.gate_kind_.push_back(kind);
   n.gate_inputs_.insert(n.gate_inputs_.end(), inputs.begin(), inputs.end());
   n.gate_start_.push_back(static_cast<std::uint32_t>(n.gate_inputs_.size()));
@@ -356,15 +369,11 @@ bool NetworkBuilder::add_constraint(Literal literal, FormulaId formula, std::spa
     for (Literal input : copy) add_constraint(~input, formula, binding);
     return true;
   }
-  const auto hash_of = [&](std::uint32_t c) { return mix(7, n.constraints_[c].literal.code()); };
-  grow(constraint_table_, n.constraints_.size() + 1, hash_of);
-  const std::size_t mask = constraint_table_.size() - 1;
-  std::size_t slot = mix(7, literal.code()) & mask;
-  for (; constraint_table_[slot] != 0; slot = (slot + 1) & mask) {
-    if (n.constraints_[constraint_table_[slot] - 1].literal == literal) return true;
-  }
+  const std::size_t code = literal.code();
+  if (code >= constrained_.size()) constrained_.resize(std::max(code + 1, 2 * constrained_.size()), false);
+  if (constrained_[code]) return true;
+  constrained_[code] = true;
   n.constraints_.push_back({literal, formula, store_binding(binding)});
-  constraint_table_[slot] = static_cast<std::uint32_t>(n.constraints_.size());
   return true;
 }
 
@@ -376,12 +385,11 @@ void NetworkBuilder::remove_constraints(std::span<const std::uint32_t> indices) 
     if (!drop[c]) network_.constraints_[kept++] = network_.constraints_[c];
   }
   network_.constraints_.resize(kept);
-  constraint_table_.clear();
+  constrained_.clear();
 }
 
 std::size_t NetworkBuilder::memory_bytes() const {
-  return network_.memory_bytes() + bytes_of(gate_table_) + bytes_of(gate_hash_) + bytes_of(feature_table_) +
-         bytes_of(constraint_table_);
+  return network_.memory_bytes() + bytes_of(gate_table_) + bytes_of(feature_table_) + constrained_.capacity() / 8;
 }
 
 namespace {
@@ -477,9 +485,8 @@ GroundNetwork NetworkBuilder::build() {
   group_by_component(count, components_of(n.constraints_), n.component_constraints_start_, n.component_constraints_);
   group_by_component(count, components_of(n.queries_), n.component_queries_start_, n.component_queries_);
   gate_table_.clear();
-  gate_hash_.clear();
   feature_table_.clear();
-  constraint_table_.clear();
+  constrained_.clear();
   return std::move(network_);
 }
 

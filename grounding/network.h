@@ -266,15 +266,17 @@ class NetworkBuilder {
  private:
   Literal intern(GateKind kind, std::span<const Literal> inputs);
   std::uint32_t store_binding(std::span<const ConstantIndex> binding);
-  void index_gate(std::uint64_t hash);
+  void index_gate(std::uint32_t hash);
+  // Room for one more gate in the table.
+  void grow_gate_table();
   // Gates that only led to something simplified away would join components that have nothing to do with each other.
   void drop_unused_gates();
 
   GroundNetwork network_;
-  std::vector<std::uint32_t> gate_table_;     // open addressing: gate id + 1, or 0
-  std::vector<std::uint64_t> gate_hash_;      // of each gate
+  std::vector<std::uint64_t> gate_table_;     // open addressing: hash (upper half) and gate id + 1, or 0
+  std::size_t gates_in_table_ = 0;
   std::vector<std::uint32_t> feature_table_;  // open addressing: feature + 1, or 0
-  std::vector<std::uint32_t> constraint_table_;
+  std::vector<bool> constrained_;             // by code of a literal: a constraint demands it
   std::uint32_t anonymous_count_ = 0;
 };
 
