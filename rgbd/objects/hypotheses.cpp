@@ -1,0 +1,346 @@
+#include "rgbd/objects/hypotheses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <opencv2/imgproc.hpp>
+
+namespace sherlog::rgbd {
+namespace {
+
+using Pixels = std::vector<cv::Point>;
+
+class UnionFind {
+ public:
+  explicit UnionFind(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0); }
+  int find(int i) {
+    while (parent_[at(i)] != i) i = parent_[at(i)] = parent_[at(parent_[at(i)])];
+    return i;
+  }
+  void join(int a, int b) {
+    a = find(a), b = find(b);
+    parent_[at(std::max(a, b))] = std::min(a, b);
+  }
+
+ private:
+  static std::size_t at(int i) { return static_cast<std::size_t>(i); }
+  std::vector<int> parent_;
+};
+
+// a, b and half of L, with the noise of single pixels smoothed.
+cv::Mat3f colours_of(const ColourImage& colour) {
+  cv::Mat3f lab;
+  colour.convertTo(lab, CV_32FC3, 1 / 255.0);
+  cv::GaussianBlur(lab, lab, {3, 3}, 0.8);
+  cv::cvtColor(lab, lab, cv::COLOR_BGR2Lab);
+  cv::multiply(lab, cv::Scalar(0.5, 1, 1), lab);
+  return lab;
+}
+
+float distance(const cv::Vec3f& a, const cv::Vec3f& b) { return static_cast<float>(cv::norm(a - b)); }
+
+cv::Vec3f median_colour(const cv::Mat3f& lab, const Pixels& pixels) {
+  cv::Vec3f result;
+  std::vector<float> values(pixels.size());
+  for (int channel = 0; channel < 3 && !pixels.empty(); ++channel) {
+    std::ranges::transform(pixels, values.begin(), [&](const cv::Point& p) { return lab(p)[channel]; });
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    result[channel] = *middle;
+  }
+  return result;
+}
+
+Pixels pixels_of(const MaskImage& mask) {
+  Pixels pixels;
+  cv::findNonZero(mask, pixels);
+  return pixels;
+}
+
+// One call's data.
+class Finder {
+ public:
+  Finder(const cv::Mat3f& points, const ColourImage& colour, const Table& table, const Calibration& calibration,
+         const HypothesisOptions& options)
+      : points_(points), table_(table), calibration_(calibration), options_(options) {
+    if (!colour.empty()) lab_ = colours_of(colour);
+    result_.reaching_mask = MaskImage(points.size(), std::uint8_t{0});
+    taken_ = MaskImage(points.size(), std::uint8_t{0});
+  }
+
+  Hypotheses find() {
+    if (options_.use_depth) {
+      for (const Pixels& piece : pieces()) judge(piece);
+    }
+    if (options_.use_colour && !lab_.empty()) find_by_colour();
+    std::ranges::stable_sort(result_.things, {}, [](const Hypothesis& h) { return h.roi.x + h.roi.width / 2; });
+    return std::move(result_);
+  }
+
+ private:
+  double error_at(const cv::Point& p) const { return depth_error(range(p)); }
+  // Along the optical axis.
+  double range(const cv::Point& p) const {
+    const cv::Vec3f& q = points_(p);
+    return (table_.pose * Eigen::Vector3d(q[0], q[1], q[2])).z();
+  }
+  bool stands_out(const cv::Point& p) const {
+    const float height = points_(p)[2];
+    if (height < options_.least_height || height > 2 * options_.most_height) return false;
+    return height > options_.errors * error_at(p);
+  }
+
+  // Connected pixels above the table, inside of its outline or not.
+  std::vector<Pixels> pieces() const {
+    const cv::Size size = points_.size();
+    cv::Mat1b out(size, std::uint8_t{0});
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) out(y, x) = stands_out({x, y}) ? 1 : 0;
+    }
+    UnionFind sets(points_.total());
+    const auto number = [&](const cv::Point& p) { return p.y * size.width + p.x; };
+    static const cv::Point kSteps[] = {{-1, 0}, {-2, 0}, {-3, 0}, {0, -1}, {0, -2}, {0, -3}, {-1, -1}, {1, -1}};
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        if (out(y, x) == 0) continue;
+        const double most = options_.gap + 2 * error_at({x, y});
+        for (const cv::Point& step : kSteps) {
+          const cv::Point other = cv::Point(x, y) + step;
+          if (other.x < 0 || other.y < 0 || other.x >= size.width || out(other) == 0) continue;
+          if (cv::norm(points_(y, x) - points_(other)) < most) sets.join(number({x, y}), number(other));
+        }
+      }
+    }
+    std::vector<Pixels> found;
+    std::vector<int> index(points_.total(), -1);
+    for (int y = 0; y < size.height; ++y) {
+      for (int x = 0; x < size.width; ++x) {
+        if (out(y, x) == 0) continue;
+        int& place = index[static_cast<std::size_t>(sets.find(number({x, y})))];
+        if (place < 0) place = static_cast<int>(found.size()), found.emplace_back();
+        found[static_cast<std::size_t>(place)].emplace_back(x, y);
+      }
+    }
+    return found;
+  }
+
+  // Square metres that the pixels show, if they face the camera.
+  double area_of(const Pixels& pixels) const {
+    double area = 0;
+    for (const cv::Point& p : pixels) area += std::pow(range(p), 2) / (calibration_.fx * calibration_.fy);
+    return area;
+  }
+
+  // Whether what is seen of it ends above the table, with the table and not something nearer below it in the picture.
+  bool hovers(const Pixels& pixels) const {
+    std::vector<float> heights;
+    for (const cv::Point& p : pixels) heights.push_back(points_(p)[2]);
+    const auto low = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 50);
+    std::nth_element(heights.begin(), low, heights.end());
+    if (*low < options_.hover) return false;
+    std::vector<cv::Point> lowest(static_cast<std::size_t>(points_.cols), cv::Point(0, -1));
+    for (const cv::Point& p : pixels) {
+      cv::Point& known = lowest[static_cast<std::size_t>(p.x)];
+      if (p.y > known.y) known = p;
+    }
+    std::size_t columns = 0, hidden = 0;
+    for (const cv::Point& p : lowest) {
+      if (p.y < 0) continue;
+      ++columns;
+      for (int y = p.y + 1; y <= std::min(p.y + 12, points_.rows - 1); ++y) {
+        const cv::Point below(p.x, y);
+        if (points_(below)[2] < -5) continue;  // a gap: the shadow of what is nearer, as a rule
+        if (range(below) < range(p) - options_.gap) ++hidden;
+        break;
+      }
+    }
+    return 10 * hidden < 3 * columns;
+  }
+
+  // By the edge of the picture.
+  bool is_cut_off(const Pixels& piece) const {
+    return std::ranges::any_of(piece, [&](const cv::Point& p) {
+      return p.x < 2 || p.y < 2 || p.x >= points_.cols - 2 || p.y >= points_.rows - 2;
+    });
+  }
+
+  void judge(const Pixels& piece) {
+    if (area_of(piece) < options_.least_area || piece.size() < 20) return;
+    const auto outside =
+        std::ranges::count_if(piece, [&](const cv::Point& p) { return !table_.has(points_(p)[0], points_(p)[1]); });
+    const double share = static_cast<double>(outside) / static_cast<double>(piece.size());
+    if (share > 0.9) return;  // something beside the table
+    if (share > (is_cut_off(piece) ? 0.01 : options_.beyond) || hovers(piece)) {
+      ++result_.reaching;
+      for (const cv::Point& p : piece) result_.reaching_mask(p) = 255;
+      return;
+    }
+    for (const Pixels& part : parts(piece)) add(part, false);
+  }
+
+  // Two means of the colours, begun at the ends of the longest axis; the parts' shares of connected pixels have to be large.
+  std::vector<Pixels> parts(const Pixels& piece) const {
+    if (lab_.empty() || !options_.use_colour) return {piece};
+    const cv::Vec3f middle = median_colour(lab_, piece);
+    const auto farthest = [&](const cv::Vec3f& from) {
+      return lab_(*std::ranges::max_element(piece, {}, [&](const cv::Point& p) { return distance(lab_(p), from); }));
+    };
+    cv::Vec3f a = farthest(middle), b = farthest(a);
+    Pixels first, second;
+    for (int round = 0; round < 6; ++round) {
+      first.clear(), second.clear();
+      cv::Vec3d sum_a, sum_b;
+      for (const cv::Point& p : piece) {
+        const bool is_first = distance(lab_(p), a) < distance(lab_(p), b);
+        (is_first ? first : second).push_back(p);
+        (is_first ? sum_a : sum_b) += cv::Vec3d(lab_(p));
+      }
+      if (first.empty() || second.empty()) return {piece};
+      a = cv::Vec3f(sum_a / static_cast<double>(first.size()));
+      b = cv::Vec3f(sum_b / static_cast<double>(second.size()));
+    }
+    if (distance(a, b) < options_.split_distance || !is_a_thing(first, piece) || !is_a_thing(second, piece))
+      return {piece};
+    std::vector<Pixels> result = parts(first);
+    for (Pixels& part : parts(second)) result.push_back(std::move(part));
+    return result;
+  }
+
+  // Large enough, nearly all in one piece, and standing on the table.
+  bool is_a_thing(const Pixels& part, const Pixels& whole) const {
+    if (static_cast<double>(part.size()) < options_.least_part * static_cast<double>(whole.size())) return false;
+    if (area_of(part) < options_.least_area) return false;
+    MaskImage mask(points_.size(), std::uint8_t{0});
+    for (const cv::Point& p : part) mask(p) = 255;
+    cv::Mat1i labels;
+    cv::Mat statistics, centres;
+    const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centres, 8, CV_32S);
+    int largest = 0;
+    for (int i = 1; i < count; ++i) largest = std::max(largest, statistics.at<int>(i, cv::CC_STAT_AREA));
+    if (largest < 0.85 * static_cast<double>(part.size())) return false;
+    const auto low = std::ranges::count_if(part, [&](const cv::Point& p) { return points_(p)[2] < options_.hover; });
+    return static_cast<double>(low) > 0.02 * static_cast<double>(part.size());
+  }
+
+  void add(const Pixels& pixels, bool from_colour) {
+    Hypothesis thing;
+    thing.roi = cv::boundingRect(pixels);
+    thing.mask = cv::Mat1b::zeros(thing.roi.size());
+    thing.from_colour = from_colour;
+    for (const cv::Point& p : pixels) {
+      thing.mask(p - thing.roi.tl()) = 255;
+      taken_(p) = 255;
+      if (from_colour) {
+        if (const auto on = on_surface(p)) thing.points.push_back(*on);
+      } else {
+        thing.points.emplace_back(points_(p)[0], points_(p)[1], points_(p)[2]);
+      }
+    }
+    result_.things.push_back(std::move(thing));
+  }
+
+  // Where the pixel's ray meets the table.
+  std::optional<Eigen::Vector3f> on_surface(const cv::Point& p) const {
+    const Eigen::Isometry3d to_table = table_.pose.inverse();
+    const Eigen::Vector3d eye = to_table.translation(), ray = to_table.linear() * calibration_.point(p.x, p.y, 1);
+    if (ray.z() > -0.05) return std::nullopt;
+    return (eye - ray * (eye.z() / ray.z())).cast<float>();
+  }
+
+  MaskImage open_surface() const {
+    MaskImage open(points_.size(), std::uint8_t{0});
+    const int reach = std::max(1, points_.cols / 128);
+    MaskImage blocked;
+    cv::dilate(taken_ | result_.reaching_mask, blocked, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+    const cv::Rect box = cv::boundingRect(table_.surface);
+    for (int y = box.y; y < box.br().y; ++y) {
+      for (int x = box.x; x < box.br().x; ++x) {
+        if (blocked(y, x) != 0) continue;
+        const float height = points_(y, x)[2];
+        if (height > -5 && std::abs(height) > std::max(0.012, options_.errors * error_at({x, y}))) continue;
+        const auto on = on_surface({x, y});
+        if (on && table_.has(on->x(), on->y())) open(y, x) = 255;
+      }
+    }
+    return open;
+  }
+
+  void find_by_colour() {
+    const cv::Vec3f table_colour = median_colour(lab_, pixels_of(table_.surface));
+    MaskImage open = open_surface();
+    for (int y = 0; y < open.rows; ++y) {
+      for (int x = 0; x < open.cols; ++x) {
+        if (open(y, x) != 0 && distance(lab_(y, x), table_colour) < options_.colour_distance) open(y, x) = 0;
+      }
+    }
+    cv::morphologyEx(open, open, cv::MORPH_OPEN, cv::Mat::ones(2, 2, CV_8U));
+    cv::Mat1i labels;
+    const int count = cv::connectedComponents(open, labels, 8, CV_32S);
+    const MaskImage depth_things = taken_.clone();
+    for (int i = 1; i < count; ++i) {
+      const MaskImage piece(labels == i);
+      const Pixels pixels = pixels_of(piece);
+      if (surface_area(pixels) >= options_.least_area && !belongs_to_a_thing(pixels, depth_things) &&
+          is_inside(pixels)) {
+        add(pixels, true);
+      }
+    }
+  }
+
+  // The table's own rim has other colours beside it.
+  bool is_inside(const Pixels& pixels) const {
+    const double margin = 0.012;
+    const auto at_rim = std::ranges::count_if(pixels, [&](const cv::Point& p) {
+      const auto on = on_surface(p);
+      return !on || !table_.has(on->x() - margin, on->y()) || !table_.has(on->x() + margin, on->y()) ||
+             !table_.has(on->x(), on->y() - margin) || !table_.has(on->x(), on->y() + margin);
+    });
+    return 2 * static_cast<std::size_t>(at_rim) < pixels.size();
+  }
+
+  double surface_area(const Pixels& pixels) const {
+    const Eigen::Vector3d normal = table_.pose.linear().col(2);
+    double area = 0;
+    for (const cv::Point& p : pixels) {
+      const auto on = on_surface(p);
+      if (!on) continue;
+      const Eigen::Vector3d point = table_.pose * on->cast<double>();
+      const double facing = std::abs(normal.dot(point.normalized()));
+      area += point.z() * point.z() / (calibration_.fx * calibration_.fy * std::max(facing, 0.1));
+    }
+    return area;
+  }
+
+  // Pixels beside a thing, in its colour: its lowest edge, which depth does not tell from the table.
+  bool belongs_to_a_thing(const Pixels& pixels, const MaskImage& things) const {
+    const int reach = std::max(2, points_.cols / 64);
+    const cv::Rect box = cv::boundingRect(pixels), image({0, 0}, points_.size());
+    const cv::Rect around = (cv::Rect(box.tl() - cv::Point(reach, reach), box.br() + cv::Point(reach, reach))) & image;
+    MaskImage near;
+    MaskImage mine(points_.size(), std::uint8_t{0});
+    for (const cv::Point& p : pixels) mine(p) = 255;
+    cv::dilate(mine(around), near, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+    near.setTo(0, things(around) == 0);
+    Pixels beside;
+    for (const cv::Point& p : pixels_of(near)) beside.push_back(p + around.tl());
+    if (beside.size() < std::max<std::size_t>(5, pixels.size() / 20)) return false;
+    return distance(median_colour(lab_, beside), median_colour(lab_, pixels)) < options_.colour_distance;
+  }
+
+  const cv::Mat3f& points_;
+  const Table& table_;
+  const Calibration& calibration_;
+  const HypothesisOptions& options_;
+  cv::Mat3f lab_;
+  MaskImage taken_;
+  Hypotheses result_;
+};
+
+}  // namespace
+
+Hypotheses find_hypotheses(const cv::Mat3f& points, const ColourImage& colour, const Table& table,
+                           const Calibration& calibration, const HypothesisOptions& options) {
+  return Finder(points, colour, table, calibration, options).find();
+}
+
+}  // namespace sherlog::rgbd

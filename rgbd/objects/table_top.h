@@ -1,0 +1,60 @@
+// The table top in a depth image: its plane, its outline, and how high everything is above it.
+//
+// Idea      Most of what a camera over a table measures is the table. A plane through three random points that most others agree
+//           with is found, whatever stands on it (RANSAC), and fitted anew to those that agree (a fixed number of rounds with
+//           a weight that falls to zero). Errors of depth grow with its square, so agreement is counted in the sensor's steps. The outline is the
+//           convex hull of the largest connected piece.
+// Source    Fischler and Bolles, Random sample consensus, 1981; Beaton and Tukey's weights, 1974; deliverable 3.3 (table tops)
+// Frames    the table's: z up from its surface, origin in the middle of its outline. x is the world's as far as possible, so
+//           that things keep their headings while the camera moves.
+// Random    a fixed seed: the same plane for the same image
+// Cost      O(pixels) + 200 trials on at most 20,000 of them
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rgbd/frames/frame.h"
+
+namespace sherlog::rgbd {
+
+// Points in the camera's frame, metres; z = 0 is a gap.
+using Cloud = cv::Mat3f;
+Cloud cloud_of(const DepthImage& depth, const Calibration& calibration);
+
+// How far a measurement is off, metres: half a step of the sensor's disparity.
+double depth_error(double metres);
+
+struct TableOptions {
+  double most_tilt = 0.26;   // radians, from the horizontal; where the camera's pose is known
+  double least_area = 0.05;  // square metres
+  double agreement = 3;      // errors of depth
+  double cell = 0.005;       // of the outline's raster, metres
+  std::size_t trials = 200;
+};
+
+struct Table {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  // to the camera's frame
+  Eigen::Isometry3d in_world =
+      Eigen::Isometry3d::Identity();  // to the world; to the camera's frame where no pose is known
+  bool has_world = false;
+  std::vector<Eigen::Vector2d> outline;  // convex, counter-clockwise, table frame
+  MaskImage surface;                     // pixels that measure it
+  double area = 0;
+
+  bool has(double x, double y) const;  // within the outline
+  // Raster of the outline, for has().
+  cv::Mat1b raster;
+  Eigen::Vector2d raster_origin = Eigen::Vector2d::Zero();
+  double cell = 0.005;
+};
+
+// `camera`: to the world, where known: then tables are level. Nothing, and a sentence, where there is none.
+std::optional<Table> find_table(const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,
+                                const TableOptions& options, std::string& problem);
+
+// Points in the table's frame; z = -10 in gaps.
+cv::Mat3f above_table(const Cloud& cloud, const Table& table);
+
+}  // namespace sherlog::rgbd
