@@ -1,0 +1,97 @@
+#include "rgbd/pipeline/perception.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "perception_bridge/annotation_types.h"
+
+namespace sherlog::rgbd {
+namespace {
+
+Annotation view_annotation(const Frame& frame, const Calibration& calibration) {
+  const Eigen::Isometry3d camera = frame.pose.value_or(Eigen::Isometry3d::Identity());
+  const Eigen::Quaterniond turn(camera.linear());
+  const Eigen::Vector3d place = camera.translation();
+  Annotation view;
+  view.type = "sherlog.annotation.ViewFrustum";
+  view.frame = frame.pose ? "map" : "camera";
+  view.fields = {{"translation", number_list({place.x(), place.y(), place.z()})},
+                 {"rotation", number_list({turn.x(), turn.y(), turn.z(), turn.w()})},
+                 {"horizontal_angle", Value(2 * std::atan(calibration.width / (2 * calibration.fx)))},
+                 {"vertical_angle", Value(2 * std::atan(calibration.height / (2 * calibration.fy)))}};
+  return view;
+}
+
+Annotation logging(const AnnotatorRun& run) {
+  Annotation log;
+  log.type = "rs.annotation.LoggingInformation";
+  log.source = run.annotator;
+  log.fields = {{"annotator", Value(run.annotator)}, {"milliseconds", Value(run.milliseconds)}};
+  if (!run.problem.empty()) log.fields.emplace_back("message", Value(run.problem));
+  return log;
+}
+
+}  // namespace
+
+std::optional<Perception> Perception::make(Annotators annotators, PerceptionOptions options, std::string& problem) {
+  std::vector<std::string> wanted = options.also;
+  if (!options.request && wanted.empty()) wanted.push_back("foreground");
+  if (options.request) {
+    // Where it is belongs to every answer.
+    for (const char* name : {"rs.scene.ImageROI", "rs.annotation.PoseAnnotation"}) wanted.emplace_back(name);
+    for (std::string& type : options.request->types()) wanted.push_back(std::move(type));
+    if (options.request->wants_everything()) {
+      for (const auto& annotator : annotators) {
+        for (std::string& name : annotator->writes()) {
+          if (is_type_name(name)) wanted.push_back(std::move(name));
+        }
+      }
+    }
+  }
+  auto flow = plan_flow(annotators, frame_views(), wanted, problem);
+  if (!flow) return std::nullopt;
+  return Perception(std::move(annotators), std::move(*flow), std::move(options));
+}
+
+std::vector<std::string> Perception::annotators() const {
+  std::vector<std::string> names;
+  for (const std::size_t position : flow_.order) names.push_back(annotators_[position]->name());
+  return names;
+}
+
+Perceived Perception::perceive(const Frame& frame, const Calibration& calibration, std::size_t number) {
+  Perceived result;
+  result.analysis.set("depth", frame.depth);
+  result.analysis.set("colour", frame.colour);
+  result.analysis.set("calibration", calibration);
+  result.analysis.set("camera", frame.pose);
+  result.runs = run_flow(annotators_, flow_, result.analysis, options_.threads);
+  times_.add(result.runs);
+
+  sherlog::Scene& scene = result.scene;
+  scene.id = fmt::format("{}{:06}", options_.prefix, number);
+  scene.timestamp = frame.time;
+  scene.frame = frame.pose ? "map" : "camera";
+  scene.annotations.push_back(view_annotation(frame, calibration));
+  for (const Annotation* annotation : result.analysis.annotations(Analysis::kScene)) {
+    scene.annotations.push_back(*annotation);
+  }
+  if (options_.log_times) {
+    for (const AnnotatorRun& run : result.runs) scene.annotations.push_back(logging(run));
+  }
+  for (std::size_t i = 0; i < result.analysis.clusters(); ++i) {
+    Cluster cluster;
+    cluster.id = fmt::format("c{}", i);
+    cluster.timestamp = frame.time;
+    for (const Annotation* annotation : result.analysis.annotations(i)) {
+      auto& list = is_hypothesis_type(annotation->type) ? cluster.hypotheses : cluster.annotations;
+      list.push_back(*annotation);
+    }
+    scene.clusters.push_back(std::move(cluster));
+  }
+  if (const auto* found = result.analysis.view<Hypotheses>("things")) result.reaching = found->reaching;
+  return result;
+}
+
+}  // namespace sherlog::rgbd

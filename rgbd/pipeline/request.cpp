@@ -1,0 +1,116 @@
+#include "rgbd/pipeline/request.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+
+namespace sherlog::rgbd {
+namespace {
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  std::ranges::transform(result, result.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return result;
+}
+
+bool is_key(std::string_view key) {
+  return std::ranges::any_of(request_keys(), [&](const RequestKey& known) { return known.key == key; });
+}
+
+std::string key_names() {
+  std::vector<std::string_view> names;
+  for (const RequestKey& known : request_keys()) {
+    if (std::ranges::find(names, known.key) == names.end()) names.push_back(known.key);
+  }
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+std::optional<Request::Condition> parse_condition(const std::string& key, const Value& value, std::string& problem) {
+  Request::Condition condition{key, {}};
+  if (!is_key(key)) {
+    return problem = fmt::format("a request has no key '{}'; there are {}", key, key_names()), std::nullopt;
+  }
+  const Value::List one = {value};
+  for (const Value& item : value.list() == nullptr ? one : *value.list()) {
+    if (item.text() == nullptr) {
+      return problem = fmt::format("'{}' takes a text or a list of texts, not {}", key, item.kind()), std::nullopt;
+    }
+    condition.values.push_back(lower(*item.text()));
+  }
+  if (condition.values.empty()) return problem = fmt::format("'{}' has an empty list", key), std::nullopt;
+  return condition;
+}
+
+bool holds(const Request::Condition& condition, const Cluster& cluster) {
+  for (const RequestKey& known : request_keys()) {
+    if (known.key != condition.key) continue;
+    for (const Annotation* annotation : annotations_of(cluster.annotations, known.type)) {
+      for (const Value* value : select(annotation->fields, known.pointer)) {
+        if (value->text() == nullptr) continue;
+        if (std::ranges::find(condition.values, lower(*value->text())) != condition.values.end()) return true;
+      }
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+const std::vector<RequestKey>& request_keys() {
+  static const std::vector<RequestKey> kKeys = {
+      {"shape", "rs.annotation.Shape", "/shape"},
+      {"size", "rs.annotation.SemanticSize", "/size"},
+      {"color", "rs.annotation.SemanticColor", "/color"},
+      {"location", "rs.annotation.TFLocation", "/frame_id"},
+      {"class", "rs.annotation.Classification", "/classname"},
+      {"type", "rs.annotation.Classification", "/classname"},
+      {"detection", "rs.annotation.Detection", "/name"},
+  };
+  return kKeys;
+}
+
+std::vector<std::string> Request::types() const {
+  std::vector<std::string> types;
+  for (const Condition& condition : conditions) {
+    for (const RequestKey& known : request_keys()) {
+      if (known.key == condition.key) types.emplace_back(known.type);
+    }
+  }
+  return types;
+}
+
+bool Request::accepts(const Cluster& cluster) const {
+  return std::ranges::all_of(conditions, [&](const Condition& condition) { return holds(condition, cluster); });
+}
+
+std::optional<Request> parse_request(std::string_view text, std::string& problem) {
+  const auto document = parse_json(text, problem);
+  if (!document) return std::nullopt;
+  const auto* verbs = document->object();
+  if (verbs == nullptr || verbs->size() != 1) {
+    return problem = R"(a request is an object with one verb, such as {"detect": {"shape": "box"}})", std::nullopt;
+  }
+  const auto& [verb, conditions] = verbs->front();
+  if (verb != "detect") return problem = fmt::format("there is no verb '{}'; there is detect", verb), std::nullopt;
+  if (conditions.object() == nullptr) {
+    return problem = fmt::format("'detect' takes an object, not {}", conditions.kind()), std::nullopt;
+  }
+  Request request;
+  for (const auto& [key, value] : *conditions.object()) {
+    auto condition = parse_condition(key, value, problem);
+    if (!condition) return std::nullopt;
+    request.conditions.push_back(std::move(*condition));
+  }
+  return request;
+}
+
+Value answer_to(const Request& request, const sherlog::Scene& scene) {
+  Value::List designators;
+  for (const Cluster& cluster : scene.clusters) {
+    if (request.accepts(cluster)) designators.push_back(designator_to_json(cluster));
+  }
+  return Value(std::move(designators));
+}
+
+}  // namespace sherlog::rgbd
