@@ -19,5 +19,6 @@ void add_convert(CLI::App& app, Action& action);
 void add_scenes(CLI::App& app, Action& action);
 void add_track(CLI::App& app, Action& action);
 void add_advise(CLI::App& app, Action& action);
+void add_perceive(CLI::App& app, Action& action);  // only where SHERLOG_HAS_RGBD is defined
 
 }  // namespace sherlog::cli

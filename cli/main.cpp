@@ -89,6 +89,9 @@ int run(int argc, char** argv) {
   sherlog::cli::add_scenes(app, action);
   sherlog::cli::add_track(app, action);
   sherlog::cli::add_advise(app, action);
+#ifdef SHERLOG_HAS_RGBD
+  sherlog::cli::add_perceive(app, action);
+#endif
   app.footer(
       "Exit codes: 0 done; 1 internal error; 2 bad usage or input; 3 no possible world; 4 a limit was reached;\n"
       "130 interrupted. 'sherlog COMMAND --help' lists the options of a command.");

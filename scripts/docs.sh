@@ -13,7 +13,7 @@ write_commands() {
   echo '```text'
   "$program" --help
   echo '```'
-  for command in check ground infer explain learn xval convert advise 'scenes generate' 'scenes import' 'scenes export' 'scenes list' \
+  for command in check ground infer explain learn xval convert advise perceive 'scenes generate' 'scenes import' 'scenes export' 'scenes list' \
       'scenes show' 'scenes where' 'scenes history' 'scenes on' 'scenes counts' 'scenes times' 'scenes evidence' \
       'scenes reprocess' 'scenes sigmas' 'scenes mapping' 'scenes schema' 'scenes check' 'track simulate' 'track learn' \
       'track evaluate' 'track resolve' 'track show'; do
