@@ -1,0 +1,171 @@
+// Synthetic kitchens from frames to beliefs: what is found, what it is taken for, and who is who in the end.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+
+#include "mln/parser.h"
+#include "perception_bridge/scene_tracker.h"
+#include "perception_bridge/shipped_models.h"
+#include "rgbd/objects/looks.h"
+#include "rgbd/pipeline/frame_source.h"
+#include "rgbd/pipeline/perception.h"
+
+namespace sherlog::rgbd {
+namespace {
+
+struct Share {
+  std::size_t right = 0, total = 0;
+  void add(bool is_right) { right += is_right ? 1U : 0U, ++total; }
+  double rate() const { return total == 0 ? 1 : static_cast<double>(right) / static_cast<double>(total); }
+};
+std::string text_of(const char* name, const Share& share) {
+  return fmt::format("{} {}/{} = {:.3f}  ", name, share.right, share.total, share.rate());
+}
+
+struct Score {
+  Share recall, precision, shapes, colours, classes, belief;
+  std::size_t identities = 0, things = 0;
+};
+
+// Pixels of each entity in the picture.
+std::map<std::size_t, std::size_t> visible(const TrueFrame& truth) {
+  std::map<std::size_t, std::size_t> counts;
+  for (const std::uint16_t entity : truth.entities) ++counts[entity];
+  return counts;
+}
+
+// The entity that most of the thing's pixels show; nothing where it is no object.
+const Entity* entity_of(const Hypothesis& thing, const TrueFrame& truth) {
+  std::map<std::size_t, std::size_t> votes;
+  for (int y = 0; y < thing.roi.height; ++y) {
+    for (int x = 0; x < thing.roi.width; ++x) {
+      if (thing.mask(y, x) != 0) ++votes[truth.entities(y + thing.roi.y, x + thing.roi.x)];
+    }
+  }
+  const auto most = std::ranges::max_element(votes, {}, [](const auto& vote) { return vote.second; });
+  if (most == votes.end() || most->first == 0) return nullptr;
+  const Entity& entity = truth.scene.entities[most->first - 1];
+  return entity.kind == EntityKind::kObject ? &entity : nullptr;
+}
+
+std::string first_text(const Cluster& cluster, const char* type, const char* field) {
+  const auto found = annotations_of(cluster.annotations, type);
+  return found.empty() ? "" : std::string(text_field(*found.front(), field));
+}
+
+// Against the truth of one frame at rest; the true name of each cluster.
+std::map<std::string, std::string> score_frame(const Perceived& perceived, const TrueFrame& truth, Score& score) {
+  std::map<std::string, std::string> names;
+  std::set<std::string> found;
+  const auto& things = perceived.analysis.view<Hypotheses>("things")->things;
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    const Entity* entity = entity_of(things[i], truth);
+    score.precision.add(entity != nullptr && !found.contains(entity->name));
+    if (entity == nullptr) continue;
+    const Cluster& cluster = perceived.scene.clusters[i];
+    names[cluster.id] = entity->name;
+    if (!found.insert(entity->name).second) continue;
+    score.shapes.add(first_text(cluster, "rs.annotation.Shape", "shape") == entity->shape);
+    score.classes.add(first_text(cluster, "rs.annotation.Classification", "classname") == entity->object_class);
+    for (const Body& body : truth.scene.bodies) {
+      if (&truth.scene.entities[body.entity - 1U] != entity) continue;
+      score.colours.add(first_text(cluster, "rs.annotation.SemanticColor", "color") == colour_name(body.colour));
+    }
+  }
+  const auto counts = visible(truth);
+  for (std::size_t i = 0; i < truth.scene.entities.size(); ++i) {
+    const Entity& entity = truth.scene.entities[i];
+    const auto count = counts.find(i + 1);
+    // A few pixels beside something nearer are not enough for anybody.
+    if (entity.kind == EntityKind::kObject && count != counts.end() && count->second >= 100) {
+      score.recall.add(found.contains(entity.name));
+    }
+  }
+  return names;
+}
+
+// Every object that was ever seen: in the end it is there under the name that it had at first, or it is gone and has disappeared.
+void score_belief(const std::vector<TrackingStep>& steps, const std::vector<std::map<std::string, std::string>>& names,
+                  const std::vector<TrackedObject>& objects, const std::set<std::string>& there_in_the_end,
+                  Score& score) {
+  std::map<std::string, std::string> first, last;  // true name -> identity
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    for (const TrackingStep::ClusterBelief& belief : steps[i].clusters) {
+      const auto name = names[i].find(belief.cluster);
+      if (name == names[i].end()) continue;
+      first.emplace(name->second, belief.object);
+      if (i + 1 == steps.size()) last[name->second] = belief.object;
+    }
+  }
+  for (const auto& [name, identity] : first) {
+    const auto object = std::ranges::find(objects, identity, [](const TrackedObject& o) { return o.identity.id; });
+    const bool is_there = there_in_the_end.contains(name);
+    const auto now = last.find(name);
+    const bool is_right = is_there ? now != last.end() && now->second == identity
+                                   : object != objects.end() && object->identity.disappeared;
+    score.belief.add(is_right);
+    if (!is_right) fmt::print("  {}: was {}, is {}\n", name, identity, now == last.end() ? "not seen" : now->second);
+  }
+  score.things += first.size();
+  score.identities += objects.size();
+}
+
+void follow(const std::string& name, std::uint64_t seed, Score& score) {
+  const auto sequence = make_sequence(name, {.seed = seed});
+  ASSERT_TRUE(sequence);
+  std::string problem;
+  PerceptionOptions options;
+  options.request = Request{};
+  options.threads = 1;
+  auto perception = Perception::make(object_annotators(knowledge_of(*sequence)), options, problem);
+  ASSERT_TRUE(perception) << problem;
+  Diagnostics diagnostics;
+  auto model = parse_model(paper_identity_model(), "table1.mln", diagnostics);
+  InferenceOptions inference;
+  auto tracker = SceneTracker::make(std::move(*model), *shipped_mapping("identity"), inference, {}, problem);
+  ASSERT_TRUE(tracker) << problem;
+  Monitor monitor;
+  std::vector<TrackingStep> steps;
+  std::vector<std::map<std::string, std::string>> names;
+  std::set<std::string> there;
+  for (std::size_t index = 0; index < sequence->size(); index += 10) {
+    const TrueFrame truth = sequence->frame(index);
+    const Perceived perceived = perception->perceive(truth.frame, sequence->calibration(), index);
+    for (const AnnotatorRun& run : perceived.runs) ASSERT_EQ(run.problem, "") << run.annotator;
+    if (perceived.reaching > 0) continue;
+    names.push_back(score_frame(perceived, truth, score));
+    steps.push_back(tracker->feed(perceived.scene, monitor));
+    ASSERT_EQ(steps.back().termination, Termination::kCompleted) << steps.back().message;
+    there.clear();
+    for (const Entity& entity : truth.scene.entities) {
+      if (entity.kind == EntityKind::kObject) there.insert(entity.name);
+    }
+  }
+  score_belief(steps, names, tracker->objects(), there, score);
+  std::string list;
+  for (const TrackingStep& step : steps) list += " " + step.scene.substr(6);
+  fmt::print("{} seed {}: {} scenes at rest:{}\n", name, seed, steps.size(), list);
+}
+
+TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
+  Score score;
+  for (const char* name : {"table_moves", "table_removals", "table_occlusion"}) {
+    for (const std::uint64_t seed : {1U, 2U}) {
+      follow(name, seed, score);
+      if (HasFatalFailure()) return;
+    }
+  }
+  fmt::print("{}{}{}{}{}{} identities {} for {} things\n", text_of("recall", score.recall),
+             text_of("precision", score.precision), text_of("shape", score.shapes), text_of("colour", score.colours),
+             text_of("class", score.classes), text_of("belief", score.belief), score.identities, score.things);
+  EXPECT_GE(score.recall.rate(), 0.95);
+  EXPECT_GE(score.precision.rate(), 0.95);
+  EXPECT_GE(score.shapes.rate(), 0.9);
+  EXPECT_GE(score.classes.rate(), 0.9);
+  EXPECT_GE(score.belief.rate(), 0.95);
+}
+
+}  // namespace
+}  // namespace sherlog::rgbd
