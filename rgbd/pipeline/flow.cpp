@@ -102,6 +102,16 @@ std::vector<Positions> dependencies(const Annotators& annotators, const Position
 
 }  // namespace
 
+Annotation make_annotation(std::string type, std::string source, Value::Object fields,
+                           std::optional<double> confidence) {
+  Annotation annotation;
+  annotation.type = std::move(type);
+  annotation.source = std::move(source);
+  annotation.confidence = confidence;
+  annotation.fields = std::move(fields);
+  return annotation;
+}
+
 std::optional<Flow> plan_flow(const Annotators& annotators, std::span<const std::string> given,
                               std::span<const std::string> wanted, std::string& problem) {
   Planner planner(annotators, given);

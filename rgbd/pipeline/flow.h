@@ -31,6 +31,10 @@ class Annotator {
   virtual void process(const Analysis& in, Analysis& out) = 0;
 };
 
+// For annotators: an annotation in one expression.
+Annotation make_annotation(std::string type, std::string source, Value::Object fields,
+                           std::optional<double> confidence = {});
+
 using Annotators = std::vector<std::unique_ptr<Annotator>>;
 
 // Positions in the list, in an order in which they may run; of each the positions in the flow that it waits for.
