@@ -311,7 +311,8 @@ class Finder {
     return area;
   }
 
-  // Pixels beside a thing, in its colour: its lowest edge, which depth does not tell from the table.
+  // Pixels beside a thing, in its colour: its lowest edge, which depth does not tell from the table, or a side in the
+  // projector's shadow.
   bool belongs_to_a_thing(const Pixels& pixels, const MaskImage& things) const {
     const int reach = std::max(2, points_.cols / 64);
     const cv::Rect box = cv::boundingRect(pixels), image({0, 0}, points_.size());
@@ -321,10 +322,12 @@ class Finder {
     for (const cv::Point& p : pixels) mine(p) = 255;
     cv::dilate(mine(around), near, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
     near.setTo(0, things(around) == 0);
-    Pixels beside;
-    for (const cv::Point& p : pixels_of(near)) beside.push_back(p + around.tl());
-    if (beside.size() < std::max<std::size_t>(5, pixels.size() / 20)) return false;
-    return distance(median_colour(lab_, beside), median_colour(lab_, pixels)) < options_.colour_distance;
+    // Sides are darker than tops: less than what makes two things.
+    const cv::Vec3f mean = median_colour(lab_, pixels);
+    const auto alike = std::ranges::count_if(pixels_of(near), [&](const cv::Point& p) {
+      return distance(lab_(p + around.tl()), mean) < options_.split_distance;
+    });
+    return static_cast<std::size_t>(alike) >= std::max<std::size_t>(5, pixels.size() / 20);
   }
 
   const cv::Mat3f& points_;

@@ -1,0 +1,135 @@
+// sherlog perceive, from frames to answers and beliefs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/e2e/program.h"
+
+namespace sherlog::e2e {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+
+// Some frames of a synthetic sequence as a recording in the folder "table".
+class Perceive : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (scratch.sherlog("perceive --help").code != 0) GTEST_SKIP() << "built without the RGB-D front end";
+  }
+  void record() {
+    const Outcome outcome = scratch.sherlog("perceive synthetic:table_moves --every 90 --record table");
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+  }
+
+  const Scratch scratch;
+};
+
+TEST_F(Perceive, AnswersARequestWithDesignators) {
+  const Outcome outcome =
+      scratch.sherlog("perceive synthetic:table_moves --last 0 --query '{\"detect\": {\"shape\": \"box\"}}' --json -");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json json = Json::parse(outcome.out);
+  EXPECT_EQ(json["schema"], "sherlog.perceive/1");
+  EXPECT_EQ(json["termination"], "completed");
+  ASSERT_EQ(json["scenes"].size(), 1u);
+  const Json& answers = json["scenes"][0]["answers"];
+  EXPECT_EQ(answers.size(), 3u);  // cereals, milk, tea
+  for (const Json& designator : answers) {
+    EXPECT_EQ(designator["rs.annotation.Shape"][0]["shape"], "box");
+    EXPECT_TRUE(designator.contains("rs.annotation.PoseAnnotation"));
+    EXPECT_FALSE(designator.contains("rs.annotation.SemanticColor"));  // nobody asked
+  }
+}
+
+TEST_F(Perceive, LooksForNoObjectUnlessAsked) {
+  const Outcome outcome = scratch.sherlog("perceive synthetic:table_moves --last 0 --times");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("nothing was asked for"));
+  EXPECT_THAT(outcome.out, HasSubstr("DepthPreprocessing"));
+  EXPECT_THAT(outcome.out, Not(HasSubstr("PointCloudClusterExtractor")));
+}
+
+TEST_F(Perceive, FillsAStoreFromWhichIdentitiesAreResolved) {
+  ASSERT_EQ(scratch.sherlog("perceive synthetic:table_moves --every 50 --store scenes.sqlite").code, 0);
+  const Outcome resolved = scratch.sherlog("track resolve scenes.sqlite --json -");
+  ASSERT_EQ(resolved.code, 0) << resolved.err;
+  const Json json = Json::parse(resolved.out);
+  EXPECT_GE(json["steps"].size(), 2u);
+  EXPECT_EQ(json["objects"].size(), 8u);
+  EXPECT_THAT(scratch.sherlog("scenes times scenes.sqlite").out, HasSubstr("PointCloudClusterExtractor"));
+  EXPECT_THAT(scratch.sherlog("scenes where scenes.sqlite Milk").out, HasSubstr("table_moves-"));
+  const Outcome again = scratch.sherlog("perceive synthetic:table_moves --every 50 --store scenes.sqlite");
+  EXPECT_EQ(again.code, 2);
+  EXPECT_THAT(again.err, HasSubstr("--replace"));
+  EXPECT_EQ(scratch.sherlog("perceive synthetic:table_moves --every 50 --store scenes.sqlite --replace").code, 0);
+}
+
+TEST_F(Perceive, GivesTheSameForAnyNumberOfThreadsAndFromARecording) {
+  record();
+  const std::string query = " --query '{\"detect\": {\"color\": \"red\"}}'";
+  const Outcome one = scratch.sherlog("perceive table --every 1 --threads 1" + query);
+  ASSERT_EQ(one.code, 0) << one.err;
+  EXPECT_THAT(one.out, HasSubstr("SemanticColor"));
+  EXPECT_EQ(one.out, scratch.sherlog("perceive table --every 1 --threads 3" + query).out);
+}
+
+TEST_F(Perceive, WritesEvidenceForAModel) {
+  const Outcome outcome = scratch.sherlog("perceive synthetic:table_moves --last 0 --evidence -");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("shape(c0,"));
+}
+
+TEST_F(Perceive, SaysWhatIsWrongWithFramesAndGoesOnWithTheOthers) {
+  record();
+  const std::string query = " --every 1 --query '{\"detect\": {}}'";
+  fs::remove(scratch.folder() / "table/depth/000001.png");
+  const Outcome missing = scratch.sherlog("perceive table" + query);
+  EXPECT_EQ(missing.code, 0);
+  EXPECT_THAT(missing.err, HasSubstr("000001.png"));
+  EXPECT_THAT(missing.out, HasSubstr("1 could not be read"));
+  fs::resize_file(scratch.folder() / "table/depth/000000.png", 2000);
+  const Outcome truncated = scratch.sherlog("perceive table" + query);
+  EXPECT_EQ(truncated.code, 2);
+  EXPECT_THAT(truncated.err, HasSubstr("000000.png"));
+  EXPECT_THAT(truncated.err, HasSubstr("no frame could be read"));
+}
+
+TEST_F(Perceive, RefusesBadRecordings) {
+  record();
+  const std::string lines = scratch.read("table/frames.txt"), calibration = scratch.read("table/calibration.txt");
+  std::string later = lines;
+  later.replace(later.rfind("\n", later.size() - 2) + 1, 1, "-");  // the last time becomes negative
+  scratch.write("table/frames.txt", later);
+  const Outcome backwards = scratch.sherlog("perceive table");
+  EXPECT_EQ(backwards.code, 2);
+  EXPECT_THAT(backwards.err, HasSubstr("frames.txt"));
+  scratch.write("table/frames.txt", lines);
+  scratch.write("table/calibration.txt", calibration + "\nfx -1\n");
+  const Outcome focal = scratch.sherlog("perceive table");
+  EXPECT_EQ(focal.code, 2);
+  EXPECT_THAT(focal.err, HasSubstr("calibration.txt"));
+}
+
+TEST_F(Perceive, BadOptionsAreExit2WithASentence) {
+  for (const auto& [options, word] :
+       {std::pair{"nowhere", "nowhere"}, std::pair{"synthetic:moon", "table_moves"},
+        std::pair{"synthetic:table_moves --query '{\"detect\": {\"shap\": \"box\"}}'", "'shap'"},
+        std::pair{"synthetic:table_moves --query '{\"find\": {}}'", "'find'"},
+        std::pair{"synthetic:table_moves --first 100000", "--first"},
+        std::pair{"synthetic:table_moves --every 0", "--every"},
+        std::pair{"synthetic:table_moves --query '{\"detect\": {}}' --map nowhere.json", "nowhere.json"},
+        std::pair{"synthetic:table_moves --evidence - --mapping nothing", "nothing"}}) {
+    const Outcome outcome = scratch.sherlog(std::string("perceive ") + options);
+    EXPECT_EQ(outcome.code, 2) << options;
+    EXPECT_THAT(outcome.err, HasSubstr(word)) << options;
+  }
+}
+
+}  // namespace
+}  // namespace sherlog::e2e
