@@ -6,8 +6,8 @@
 //             {"name": "mine", "clusters": {"prefix": "c", "domain": "cluster"},
 //              "rules": [{"annotation": "rs.annotation.Shape", "predicate": "shape", "value": "/shape", "degree": "confidence",
 //                         "threshold": 0.5, "spelling": "capital"}]}
-//           docs/scenes.md lists all keys. `sherlog scenes mapping NAME` prints the shipped ones: fusion, identity, robosherlock,
-//           robosherlock_wordnet.
+//           docs/scenes.md lists all keys. `sherlog scenes mapping NAME` prints the shipped ones: fusion, identity, perception,
+//           robosherlock, robosherlock_wordnet.
 // Source    the atoms of RoboSherlock's MLNInferencer, without its mistakes: clusters are numbered beyond 9, a word that is not
 //           known is never an empty constant, a Goggles answer is no evidence of degree 0.
 // Errors    a sentence that names the rule and the key; an unknown key is an error, since it is nearly always a typing mistake
