@@ -308,7 +308,7 @@ void add_mapping_option(CLI::App& command, Observing& observing, const char* fal
       .add_option("--mapping", observing.mapping,
                   fmt::format("Which annotation becomes which evidence: a shipped mapping or a JSON file (default {})",
                               fallback))
-      ->type_name("fusion|identity|robosherlock|robosherlock_wordnet|FILE");
+      ->type_name("fusion|identity|perception|robosherlock|robosherlock_wordnet|FILE");
 }
 
 void add_observing_options(CLI::App& command, Observing& observing) {

@@ -225,7 +225,7 @@ void add_track_resolve(CLI::App& track, Action& action) {
   command
       ->add_option("--mapping", resolving->mapping,
                    "How clusters are compared: a shipped mapping or a JSON file (default identity)")
-      ->type_name("identity|FILE");
+      ->type_name("identity|perception|FILE");
   command
       ->add_option("--forget", resolving->tracker.forget_seconds,
                    "What was not seen for so long is no candidate (default: never)")

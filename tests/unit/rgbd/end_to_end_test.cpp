@@ -233,7 +233,7 @@ TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
   EXPECT_GE(score.precision.rate(), 0.9);
   EXPECT_GE(score.shapes.rate(), 0.85);
   EXPECT_GE(score.classes.rate(), 0.85);
-  EXPECT_GE(score.belief.rate(), 0.95);
+  EXPECT_GE(score.belief.rate(), 0.9);
 }
 
 }  // namespace
