@@ -2,7 +2,7 @@
 # To add a target: depend on `setup` (or on `build`, which does), keep it a few lines, name it under `help`.
 
 .DEFAULT_GOAL := build
-.PHONY: help setup build demo test check-long bench format lint fuzz docs sanitize fusion figures install clean
+.PHONY: help setup build demo demo-perception test check-long bench format lint fuzz docs sanitize fusion figures install clean
 
 JOBS ?= $(shell nproc)
 FUZZ_SECONDS ?= 60
@@ -11,6 +11,7 @@ PREFIX ?= /usr/local
 help:
 	@echo 'make build       the program, at build/bin/sherlog (default)'
 	@echo 'make demo        the shipped models on their evidence'
+	@echo 'make demo-perception  from frames to beliefs: a page with pictures of each stage, build/perception.html'
 	@echo 'make test        all tests'
 	@echo 'make check-long  the property tests on 2,000 random models'
 	@echo 'make sanitize    a bounded part of the tests under address and undefined-behaviour sanitizers'
@@ -35,6 +36,10 @@ build: setup build/build.ninja
 
 demo: build
 	@scripts/demo.sh build/bin/sherlog
+
+demo-perception: build
+	cmake --build --preset release -j $(JOBS) --target example_perception_report
+	build/examples/perception_report build/perception.html
 
 test: build
 	cmake --build --preset release -j $(JOBS)

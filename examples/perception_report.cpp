@@ -1,0 +1,150 @@
+// From frames to beliefs, as a page with the pictures of each stage: a synthetic table, or a recording.
+// Usage: perception_report [REPORT.html [FRAMES]]; without a name the page is made and not kept.
+#include <fmt/format.h>
+
+#include <fstream>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "mln/parser.h"
+#include "perception_bridge/scene_tracker.h"
+#include "perception_bridge/shipped_models.h"
+#include "rgbd/pipeline/frame_source.h"
+#include "rgbd/pipeline/perception.h"
+
+using namespace sherlog;
+
+namespace {
+
+constexpr std::size_t kEvery = 10;
+
+std::string base64(const std::vector<unsigned char>& bytes) {
+  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    unsigned group = 0;
+    for (std::size_t k = 0; k < 3; ++k) group = group << 8 | (i + k < bytes.size() ? bytes[i + k] : 0U);
+    for (std::size_t k = 0; k < 4; ++k) text += i + k <= bytes.size() ? kDigits[group >> (18 - 6 * k) & 63] : '=';
+  }
+  return text;
+}
+
+std::string picture(const cv::Mat& image, const std::string& title) {
+  cv::Mat small;
+  cv::resize(image, small, {}, 0.5, 0.5, cv::INTER_AREA);
+  std::vector<unsigned char> bytes;
+  cv::imencode(".jpg", small, bytes);
+  return fmt::format("<figure><img alt='{0}' src='data:image/jpeg;base64,{1}'><figcaption>{0}</figcaption></figure>\n",
+                     title, base64(bytes));
+}
+
+cv::Mat coloured(const rgbd::DepthImage& depth) {
+  cv::Mat bytes, colours;
+  depth.convertTo(bytes, CV_8U, 255.0 / 3500);
+  cv::applyColorMap(bytes, colours, cv::COLORMAP_TURBO);
+  colours.setTo(cv::Scalar(0, 0, 0), depth == 0);
+  return colours;
+}
+
+// The table's surface, what is on it, and the names that the belief has for it.
+cv::Mat marked(const rgbd::Frame& frame, const rgbd::Perceived& seen, const std::map<std::string, std::string>& names) {
+  cv::Mat image = frame.colour.clone();
+  if (const auto* table = seen.analysis.view<rgbd::Table>("table"))
+    image.setTo(cv::Scalar(90, 120, 90), table->surface);
+  const auto* found = seen.analysis.view<rgbd::Hypotheses>("things");
+  if (found == nullptr) return image;
+  image.setTo(cv::Scalar(0, 0, 90), found->reaching_mask);
+  for (std::size_t i = 0; i < found->things.size(); ++i) {
+    const rgbd::Hypothesis& thing = found->things[i];
+    frame.colour(thing.roi).copyTo(image(thing.roi), thing.mask);
+    cv::rectangle(image, thing.roi, {255, 255, 255}, 2);
+    const auto name = names.find(fmt::format("c{}", i));
+    const std::string text = name == names.end() ? "" : name->second;
+    cv::putText(image, text, thing.roi.tl() - cv::Point(0, 6), cv::FONT_HERSHEY_SIMPLEX, 0.6, {255, 255, 255}, 2);
+  }
+  return image;
+}
+
+std::string first(const Cluster& cluster, const char* type, const char* field) {
+  const auto found = annotations_of(cluster.annotations, type);
+  return found.empty() ? "" : std::string(text_field(*found.front(), field));
+}
+
+std::string belief_rows(const Scene& scene, const TrackingStep& step) {
+  std::string rows =
+      "<table><tr><th>thing<th>is<th>explanation<th>probability<th>shape<th>size<th>colour<th>class</tr>\n";
+  for (const auto& belief : step.clusters) {
+    const auto cluster = std::ranges::find(scene.clusters, belief.cluster, &Cluster::id);
+    rows += fmt::format(
+        "<tr><td>{}<td>{}<td>{}<td>{:.2f}<td>{}<td>{}<td>{}<td>{}</tr>\n", belief.cluster, belief.object,
+        belief.explanation, belief.probability, first(*cluster, "rs.annotation.Shape", "shape"),
+        first(*cluster, "rs.annotation.SemanticSize", "size"), first(*cluster, "rs.annotation.SemanticColor", "color"),
+        first(*cluster, "rs.annotation.Classification", "classname"));
+  }
+  rows += "</table>\n";
+  if (!step.disappeared.empty()) rows += fmt::format("<p>disappeared: {}</p>\n", fmt::join(step.disappeared, ", "));
+  return rows;
+}
+
+std::string times_table(const rgbd::RunTimes& times) {
+  std::string rows = "<h2>Run times, ms</h2><table><tr><th>annotator<th>runs<th>mean<th>std</tr>\n";
+  auto all = times.rows();
+  all.push_back(times.total());
+  for (const auto& row : all) {
+    rows +=
+        fmt::format("<tr><td>{}<td>{}<td>{:.1f}<td>{:.1f}</tr>\n", row.annotator, row.runs, row.mean, row.deviation);
+  }
+  return rows + "</table>\n";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::string problem;
+  const std::string frames = argc > 2 ? argv[2] : "synthetic:table_removals";
+  const auto source = rgbd::open_frames(frames, 1, problem);
+  Diagnostics diagnostics;
+  auto model = parse_model(paper_identity_model(), "table1.mln", diagnostics);
+  rgbd::PerceptionOptions options{.request = rgbd::Request{}, .also = {"filled", "foreground"}};
+  auto perception =
+      source ? rgbd::Perception::make(rgbd::object_annotators(source->knowledge), options, problem) : std::nullopt;
+  auto tracker = SceneTracker::make(std::move(*model), *shipped_mapping("perception"), {}, {}, problem);
+  if (!perception || !tracker) return fmt::print(stderr, "{}\n", problem), 2;
+
+  std::string page = fmt::format(
+      "<!doctype html><meta charset='utf-8'><title>From frames to "
+      "beliefs</title><style>body{{font-family:sans-serif;margin:2em}}"
+      "figure{{display:inline-block;margin:4px}}td,th{{padding:2px 10px;text-align:left}}</style><h1>From frames to "
+      "beliefs: {}</h1>"
+      "<p>{}</p>\n",
+      source->name, fmt::join(perception->annotators(), " &rarr; "));
+  Monitor monitor;
+  std::size_t scenes = 0;
+  for (std::size_t index = 0; index < source->frames; index += kEvery) {
+    const auto frame = source->read(index, problem);
+    if (!frame) {
+      fmt::print(stderr, "frame {}: {}\n", index, problem);
+      continue;
+    }
+    const rgbd::Perceived seen = perception->perceive(*frame, source->calibration, index);
+    std::map<std::string, std::string> names;
+    std::string belief = "<p>Something reaches over the table: no scene.</p>\n";
+    if (seen.reaching == 0) {
+      const TrackingStep step = tracker->feed(seen.scene, monitor);
+      for (const auto& cluster : step.clusters) names[cluster.cluster] = cluster.object;
+      belief = belief_rows(seen.scene, step);
+      ++scenes;
+    }
+    page += fmt::format("<h2>Frame {}, {:.2f} s</h2>\n", index, frame->time) + picture(frame->colour, "colour") +
+            picture(coloured(frame->depth), "depth as measured");
+    if (const auto* filled = seen.analysis.view<rgbd::DepthImage>("filled"))
+      page += picture(coloured(*filled), "gaps filled");
+    if (const auto* mask = seen.analysis.view<rgbd::MaskImage>("foreground")) page += picture(*mask, "foreground");
+    page += picture(marked(*frame, seen, names), "table, things and who they are") + belief;
+  }
+  page += times_table(perception->times());
+  fmt::print("{} scenes, {} objects\n", scenes, tracker->objects().size());
+  if (argc > 1) std::ofstream(argv[1]) << page;
+  return scenes > 0 ? 0 : 1;
+}
