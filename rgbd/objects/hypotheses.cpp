@@ -73,6 +73,7 @@ class Finder {
       for (const Pixels& piece : pieces()) judge(piece);
     }
     if (options_.use_colour && !lab_.empty()) find_by_colour();
+    for (const Pixels& part : low_) add_low(part);
     std::ranges::stable_sort(result_.things, {}, [](const Hypothesis& h) { return h.roi.x + h.roi.width / 2; });
     return std::move(result_);
   }
@@ -175,7 +176,13 @@ class Finder {
       for (const cv::Point& p : piece) result_.reaching_mask(p) = 255;
       return;
     }
-    for (const Pixels& part : parts(piece)) add(part, false);
+    for (const Pixels& part : parts(piece)) {
+      if (is_low(part)) {
+        low_.push_back(part);
+      } else {
+        add(part, false);
+      }
+    }
   }
 
   // Two means of the colours, begun at the ends of the longest axis; the parts' shares of connected pixels have to be large.
@@ -220,6 +227,27 @@ class Finder {
     if (largest < 0.85 * static_cast<double>(part.size())) return false;
     const auto low = std::ranges::count_if(part, [&](const cv::Point& p) { return points_(p)[2] < options_.hover; });
     return static_cast<double>(low) > 0.02 * static_cast<double>(part.size());
+  }
+
+  // So low that depth has it in parts only.
+  bool is_low(const Pixels& pixels) const {
+    const auto high = std::ranges::count_if(
+        pixels, [&](const cv::Point& p) { return points_(p)[2] > static_cast<float>(2 * options_.least_height); });
+    return static_cast<std::size_t>(50 * high) < pixels.size();
+  }
+
+  // What colour has found there is all of it; else it is what depth has.
+  void add_low(const Pixels& pixels) {
+    for (Hypothesis& thing : result_.things) {
+      if (!thing.from_colour) continue;
+      const auto common = std::ranges::count_if(
+          pixels, [&](const cv::Point& p) { return thing.roi.contains(p) && thing.mask(p - thing.roi.tl()) != 0; });
+      if (static_cast<std::size_t>(5 * common) < 2 * pixels.size()) continue;
+      for (const cv::Point& p : pixels) thing.points.emplace_back(points_(p)[0], points_(p)[1], points_(p)[2]);
+      thing.from_colour = false;
+      return;
+    }
+    add(pixels, false);
   }
 
   void add(const Pixels& pixels, bool from_colour) {
@@ -336,6 +364,7 @@ class Finder {
   const HypothesisOptions& options_;
   cv::Mat3f lab_;
   MaskImage taken_;
+  std::vector<Pixels> low_;
   Hypotheses result_;
 };
 
