@@ -1,4 +1,5 @@
-// sherlog perceive: depth and colour frames to scenes, and answers to requests. Only where the RGB-D front end is built.
+// sherlog perceive: depth and colour frames to scenes, and answers to requests. Only where the RGB-D front end is
+// built.
 #include <fmt/format.h>
 
 #include <map>

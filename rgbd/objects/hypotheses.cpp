@@ -185,7 +185,8 @@ class Finder {
     }
   }
 
-  // Two means of the colours, begun at the ends of the longest axis; the parts' shares of connected pixels have to be large.
+  // Two means of the colours, begun at the ends of the longest axis; the parts' shares of connected pixels have to be
+  // large.
   std::vector<Pixels> parts(const Pixels& piece) const {
     if (lab_.empty() || !options_.use_colour) return {piece};
     const cv::Vec3f middle = median_colour(lab_, piece);

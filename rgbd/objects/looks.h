@@ -1,7 +1,8 @@
 // The colours of a thing: names with their shares, a histogram, a mean.
 //
-// Source    defaults of RoboSherlock's colour annotator: hue names where value and saturation are above 60 of 255, else black up to
-//           a value of 60, white above 120, grey between; a histogram of 16 hues by 16 saturations; shares above 0.2 are reported
+// Source    defaults of RoboSherlock's colour annotator: hue names where value and saturation are above 60 of 255,
+//           else black up to a value of 60, white above 120, grey between; a histogram of 16 hues by 16 saturations;
+//           shares above 0.2 are reported
 // Cost      O(pixels of the thing)
 #pragma once
 

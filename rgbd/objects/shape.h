@@ -1,12 +1,14 @@
 // What form a thing on a table has, and the box around it: from the points that a camera sees of it.
 //
-// Idea      A camera that looks down on a table sees the tops of things and their near sides. The outermost points in each direction
-//           from the middle are the outline, of the top where nothing else is seen. A circle and a rectangle are fitted to
-//           it robustly, and whichever leaves more of it within a tolerance is the form of its footprint. Low and wide is
-//           flat; a circle whose wall is upright or whose top is closed is a cylinder, an open or bulging one is round.
-// Source    the four words and the 0.25 of flat from RoboSherlock's annotators; those take lines for box and circles for round.
-//           There a carton that stands is flat when it is thin; here only what lies is
-// Output    confidence: share of the outline on the figure, less that of the other figure where they are near each other
+// Idea      A camera that looks down on a table sees the tops of things and their near sides. The outermost points in
+//           each direction from the middle are the outline, of the top where nothing else is seen. A circle and a
+//           rectangle are fitted to it robustly, and whichever leaves more of it within a tolerance is the form of its
+//           footprint. Low and wide is flat; a circle whose wall is upright or whose top is closed is a cylinder, an
+//           open or bulging one is round.
+// Source    the four words and the 0.25 of flat from RoboSherlock's annotators; those take lines for box and circles
+//           for round. There a carton that stands is flat when it is thin; here only what lies is
+// Output    confidence: share of the outline on the figure, less that of the other figure where they are near each
+//           other
 // Cost      O(points)
 #pragma once
 

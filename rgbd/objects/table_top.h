@@ -1,12 +1,13 @@
 // The table top in a depth image: its plane, its outline, and how high everything is above it.
 //
-// Idea      Most of what a camera over a table measures is the table. A plane through three random points that most others agree
-//           with is found, whatever stands on it (RANSAC), and fitted anew to those that agree (a fixed number of rounds with
-//           a weight that falls to zero). Errors of depth grow with its square, so agreement is counted in the sensor's steps. The outline is the
-//           convex hull of the largest connected piece.
-// Source    Fischler and Bolles, Random sample consensus, 1981; Beaton and Tukey's weights, 1974; deliverable 3.3 (table tops)
-// Frames    the table's: z up from its surface, origin in the middle of its outline. x is the world's as far as possible, so
-//           that things keep their headings while the camera moves.
+// Idea      Most of what a camera over a table measures is the table. A plane through three random points that most
+//           others agree with is found, whatever stands on it (RANSAC), and fitted anew to those that agree (a fixed
+//           number of rounds with a weight that falls to zero). Errors of depth grow with its square, so agreement is
+//           counted in the sensor's steps. The outline is the convex hull of the largest connected piece.
+// Source    Fischler and Bolles, Random sample consensus, 1981; Beaton and Tukey's weights, 1974; deliverable 3.3
+//           (table tops)
+// Frames    the table's: z up from its surface, origin in the middle of its outline. x is the world's as far as
+//           possible, so that things keep their headings while the camera moves.
 // Random    a fixed seed: the same plane for the same image
 // Cost      O(pixels) + 200 trials on at most 20,000 of them
 #pragma once

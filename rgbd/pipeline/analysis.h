@@ -1,10 +1,11 @@
 // The structure that all annotators of a frame share: views of the data, and what was said about it.
 //
-// Idea      A blackboard of values that are never changed once they are there: images, clouds, a table under their names, and
-//           annotations in an index by cluster and type. A copy shares everything, so an annotator is given a part of the blackboard
-//           (what it declares to read) and hands back another one (what it adds), and nobody needs a lock.
-// Source    the CAS of the UIMA standard as in Beetz et al., RoboSherlock, ICRA 2015, section 3; deliverable 2: subjects of analysis
-//           are views here, index repositories annotations_of()
+// Idea      A blackboard of values that are never changed once they are there: images, clouds, a table under their
+//           names, and annotations in an index by cluster and type. A copy shares everything, so an annotator is given
+//           a part of the blackboard (what it declares to read) and hands back another one (what it adds), and nobody
+//           needs a lock.
+// Source    the CAS of the UIMA standard as in Beetz et al., RoboSherlock, ICRA 2015, section 3; deliverable 2:
+//           subjects of analysis are views here, index repositories annotations_of()
 #pragma once
 
 #include <any>

@@ -1,9 +1,10 @@
 // Annotators, and the order in which they run: given, or planned from what is asked for.
 //
-// Idea      An annotator says what it reads and what it writes: views by name, annotations by type. A plan begins with what is
-//           wanted and goes back through the writers to what the camera gives; who is not met on the way does not run. Of two writers of a view the
-//           cheaper one runs; of annotations all do, since two opinions are better than one. The order is that of the list as far as
-//           what they read allows, so it is the same every time.
+// Idea      An annotator says what it reads and what it writes: views by name, annotations by type. A plan begins with
+//           what is wanted and goes back through the writers to what the camera gives; who is not met on the way does
+//           not run. Of two writers of a view the cheaper one runs; of annotations all do, since two opinions are
+//           better than one. The order is that of the list as far as what they read allows, so it is the same every
+//           time.
 // Source    Beetz et al., RoboSherlock, ICRA 2015, sections 3 and 6 (flow controllers; pipelines from queries)
 // Errors    a sentence: a name that nobody writes and who wanted it; a cycle, with its members
 #pragma once
@@ -18,7 +19,8 @@
 
 namespace sherlog::rgbd {
 
-// To add one: a class with these five functions, and its line where the pipeline is made. See examples/add_an_annotator.cpp.
+// To add one: a class with these five functions, and its line where the pipeline is made. See
+// examples/add_an_annotator.cpp.
 class Annotator {
  public:
   virtual ~Annotator() = default;

@@ -7,10 +7,10 @@
 //   points colour table calibration   PointCloudClusterExtractor    things, rs.scene.ImageROI, rs.scene.ClusterPoints
 //   things table                      PrimitiveFitter               forms
 //   forms                             PrimitiveShapeAnnotator       rs.annotation.Shape
-//   forms table                       Cluster3DGeometryAnnotator    rs.annotation.SemanticSize, Geometry, PoseAnnotation
-//   things colour                     ColorAnnotator                rs.annotation.SemanticColor, MeanColor, HueSaturationHistogram
-//   things                            ShapeFeatureAnnotator         rs.annotation.PclFeature
-//   forms table map                   LocationAnnotator             rs.annotation.TFLocation
+//   forms table                       Cluster3DGeometryAnnotator    rs.annotation.SemanticSize, Geometry,
+//   PoseAnnotation things colour                     ColorAnnotator                rs.annotation.SemanticColor,
+//   MeanColor, HueSaturationHistogram things                            ShapeFeatureAnnotator
+//   rs.annotation.PclFeature forms table map                   LocationAnnotator             rs.annotation.TFLocation
 //   Shape Geometry MeanColor          KnownThingsAnnotator          rs.annotation.Classification
 //
 // Source    names and thresholds of RoboSherlock's annotators (features in perception_bridge/annotation_types.h)

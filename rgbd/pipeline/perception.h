@@ -1,10 +1,12 @@
 // Frames in, scenes out: the pipeline as a whole, for a program's main loop.
 //
-// Idea      What is wanted decides once which annotators run and in which order; then every frame goes through them and becomes a
-//           scene as the scene store, the evidence mappings and the tracker know it. What is said of it with which consumer is the
-//           caller's: SceneStore::add(scene), evidence_text(observe(mapping, scene)), answer_to(request, scene).
+// Idea      What is wanted decides once which annotators run and in which order; then every frame goes through them
+//           and becomes a scene as the scene store, the evidence mappings and the tracker know it. What is said of it
+//           with which consumer is the caller's: SceneStore::add(scene), evidence_text(observe(mapping, scene)),
+//           answer_to(request, scene).
 // Source    deliverable 3, Figs. 1 and 3
-// Errors    make(): what cannot be planned. perceive(): annotators that failed, by name; the scene has what the others found
+// Errors    make(): what cannot be planned. perceive(): annotators that failed, by name; the scene has what the others
+//           found
 #pragma once
 
 #include <optional>
@@ -21,9 +23,9 @@ struct PerceptionOptions {
   // What is asked for; nothing: only the depth images are preprocessed, and no object is looked for.
   std::optional<Request> request = {};
   std::vector<std::string> also = {};  // further views and types
-  std::uint32_t threads = 0;      // 0: as many as the machine has
-  bool log_times = false;         // rs.annotation.LoggingInformation in the scenes
-  std::string prefix = "scene-";  // of the scenes' names: and the frame's number
+  std::uint32_t threads = 0;           // 0: as many as the machine has
+  bool log_times = false;              // rs.annotation.LoggingInformation in the scenes
+  std::string prefix = "scene-";       // of the scenes' names: and the frame's number
 };
 
 struct Perceived {

@@ -1,8 +1,8 @@
 // What somebody asks of perception: {"detect": {"shape": "box", "color": ["red", "blue"]}}.
 //
-// Idea      A verb with an object of conditions, as RoboSherlock has it. A condition needs annotations of a type, which the flow is
-//           planned from, and holds for a thing where one of the texts at a pointer is the asked one (or one of those), upper and lower case
-//           alike. {"detect": {}} asks for everything about everything.
+// Idea      A verb with an object of conditions, as RoboSherlock has it. A condition needs annotations of a type,
+//           which the flow is planned from, and holds for a thing where one of the texts at a pointer is the asked one
+//           (or one of those), upper and lower case alike. {"detect": {}} asks for everything about everything.
 // Errors    a sentence that names the key and what there is
 #pragma once
 

@@ -1,9 +1,10 @@
 // One frame through a flow, on several threads; and how long annotators take.
 //
-// Idea      Whoever has all that it reads may run. Each gets its own part of the analysis and hands back its own additions, which are
-//           put together in the order of the flow: threads decide when something runs and never what comes out.
-// Errors    an annotator that throws, or writes what it does not declare: its result is missing, a sentence says so, and so it goes
-//           with those who cannot do without it. The others run.
+// Idea      Whoever has all that it reads may run. Each gets its own part of the analysis and hands back its own
+//           additions, which are put together in the order of the flow: threads decide when something runs and never
+//           what comes out.
+// Errors    an annotator that throws, or writes what it does not declare: its result is missing, a sentence says so,
+//           and so it goes with those who cannot do without it. The others run.
 // Cost      as the annotators; two locks for each of them
 #pragma once
 

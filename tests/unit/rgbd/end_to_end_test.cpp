@@ -89,7 +89,8 @@ std::map<std::string, std::string> score_frame(const Perceived& perceived, const
   return names;
 }
 
-// Every object that was ever seen: in the end it is there under the name that it had at first, or it is gone and has disappeared.
+// Every object that was ever seen: in the end it is there under the name that it had at first, or it is gone and has
+// disappeared.
 void score_belief(const std::vector<TrackingStep>& steps, const std::vector<std::map<std::string, std::string>>& names,
                   const std::vector<TrackedObject>& objects, const std::set<std::string>& there_in_the_end,
                   Score& score) {

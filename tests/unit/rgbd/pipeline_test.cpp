@@ -135,7 +135,8 @@ TEST(Plan, NamesWhatNobodyWritesAndWhoNeedsIt) {
   EXPECT_NE(problem.find("no annotator 'nobody'"), std::string::npos) << problem;
 }
 
-// Random flows: whatever the number of threads, nobody runs before what it reads is there, and the results are the same.
+// Random flows: whatever the number of threads, nobody runs before what it reads is there, and the results are the
+// same.
 TEST(Run, GivesTheSameForAnyNumberOfThreads) {
   std::mt19937_64 random(3);
   for (int round = 0; round < 20; ++round) {
