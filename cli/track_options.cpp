@@ -41,7 +41,8 @@ std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions
   FourTablesConfig config;
   if (!options.config_file.empty()) {
     const TextFile file = load_text_file(options.config_file);
-    if (!file.text) return session.error(fmt::format("--config: {}: {}", options.config_file, file.problem)), std::nullopt;
+    if (!file.text)
+      return session.error(fmt::format("--config: {}: {}", options.config_file, file.problem)), std::nullopt;
     if (const std::string problem = sherlog::read_config(*file.text, config); !problem.empty()) {
       return session.error(fmt::format("{}: {}", options.config_file, problem)), std::nullopt;
     }

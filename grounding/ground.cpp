@@ -158,8 +158,7 @@ class Grounder {
     if (result_.termination != Termination::kCompleted) return false;
     if (stop_.interrupted()) return halt(Termination::kInterrupted, fmt::format("interrupted {}", where()));
     if (stop_.out_of_time()) {
-      return halt(Termination::kTimeLimit,
-                  fmt::format("the time limit was reached {}", where()));
+      return halt(Termination::kTimeLimit, fmt::format("the time limit was reached {}", where()));
     }
     if (atoms_.overflowed()) {
       return halt(Termination::kMemoryLimit,

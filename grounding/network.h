@@ -273,7 +273,7 @@ class NetworkBuilder {
   void drop_unused_gates();
 
   GroundNetwork network_;
-  std::vector<std::uint64_t> gate_table_;     // open addressing: hash (upper half) and gate id + 1, or 0
+  std::vector<std::uint64_t> gate_table_;  // open addressing: hash (upper half) and gate id + 1, or 0
   std::size_t gates_in_table_ = 0;
   std::vector<std::uint32_t> feature_table_;  // open addressing: feature + 1, or 0
   std::vector<bool> constrained_;             // by code of a literal: a constraint demands it

@@ -325,9 +325,9 @@ TEST_F(Cli, TimeLimitHoldsBeforeTheFirstDrawAsWell) {
 TEST_F(Cli, InterruptHandsOverWhatThereIs) {
   for (const std::string signal : {"INT", "TERM"}) {
     SCOPED_TRACE(signal);
-    const Outcome outcome = scratch.shell(
-        "\"$S\" infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --json " + signal +
-        ".json & p=$!; sleep 2; kill -" + signal + " $p; wait $p");
+    const Outcome outcome =
+        scratch.shell("\"$S\" infer -m m.mln -e e.db -q Smokes,Cancer --method mcsat --samples 1000000000 --json " +
+                      signal + ".json & p=$!; sleep 2; kill -" + signal + " $p; wait $p");
     EXPECT_EQ(outcome.code, 130) << outcome.err;
     const json result = json::parse(scratch.read(signal + ".json"));
     EXPECT_EQ(result["termination"], "interrupted");
