@@ -485,6 +485,7 @@ GroundNetwork NetworkBuilder::build() {
   group_by_component(count, components_of(n.constraints_), n.component_constraints_start_, n.component_constraints_);
   group_by_component(count, components_of(n.queries_), n.component_queries_start_, n.component_queries_);
   gate_table_.clear();
+  gates_in_table_ = 0;
   feature_table_.clear();
   constrained_.clear();
   return std::move(network_);

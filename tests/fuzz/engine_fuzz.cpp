@@ -15,30 +15,20 @@
 #include "mln/evidence.h"
 #include "mln/model.h"
 #include "mln/query.h"
+#include "tests/fuzz/texts.h"
 #include "tests/oracles/naive_semantics.h"
 
 namespace {
 
 using namespace sherlog;
+using fuzz::demand;
+using fuzz::take_part;
 
 // What one input may cost: enough for every mistake, and many inputs a second.
 constexpr std::size_t kMemory = std::size_t{64} << 20;
 constexpr double kSeconds = 2.0;
 constexpr oracle::NaiveLimits kLimits{1 << 10, 2e5};
 constexpr double kLargestScore = 1e6;  // beyond, sums in another order differ by more than the tolerance
-
-std::string_view take_part(std::string_view& rest) {
-  const std::size_t end = rest.find('\x1f');
-  const std::string_view part = rest.substr(0, end);
-  rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
-  return part;
-}
-
-void demand(bool condition, const char* claim, const std::string& detail) {
-  if (condition) return;
-  std::fprintf(stderr, "broken: %s\n%s\n", claim, detail.c_str());
-  std::abort();
-}
 
 bool close(double a, double b) { return std::abs(a - b) <= 1e-6 * (1.0 + std::abs(b)); }
 

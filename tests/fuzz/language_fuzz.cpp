@@ -14,21 +14,12 @@
 #include "mln/parser.h"
 #include "mln/printer.h"
 #include "mln/query.h"
+#include "tests/fuzz/texts.h"
 
 namespace {
 
-std::string_view take_part(std::string_view& rest) {
-  const std::size_t end = rest.find('\x1f');
-  const std::string_view part = rest.substr(0, end);
-  rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
-  return part;
-}
-
-void demand(bool condition, const char* claim, const std::string& text) {
-  if (condition) return;
-  std::fprintf(stderr, "broken: %s\n--- text:\n%s\n", claim, text.c_str());
-  std::abort();
-}
+using sherlog::fuzz::demand;
+using sherlog::fuzz::take_part;
 
 void check_printer(std::string_view text) {
   sherlog::Diagnostics diagnostics;
