@@ -117,7 +117,8 @@ class ClusterSum {
     }
     const GateId gate = literal.gate();
     const bool grouped = structure_.group_of_gate[gate.index()] != kNoGroup;
-    std::uint32_t count = grouped ? (true_bits_ >> structure_.bit_of_gate[gate.index()]) & 1u : 0u;
+    std::uint32_t count =
+        grouped ? static_cast<std::uint32_t>((true_bits_ >> structure_.bit_of_gate[gate.index()]) & 1u) : 0u;
     for (Literal input : network_.gate_inputs(gate)) {
       if (grouped && structure_.speaks_of_cells(network_, input)) continue;  // the bit speaks for it
       count += is_true(input) ? 1u : 0u;
