@@ -14,6 +14,7 @@
 
 #include "rgbd/depth/background.h"
 #include "rgbd/depth/known_structure.h"
+#include "rgbd/depth/mask_scores.h"
 #include "rgbd/synthetic/sequences.h"
 
 namespace {
@@ -122,17 +123,6 @@ BENCHMARK(KnownStructure)->Unit(benchmark::kMillisecond);
 
 // --- how good
 
-struct Scores {
-  double hits = 0, false_alarms = 0, misses = 0;
-  void add(const MaskImage& said, const MaskImage& truth) {
-    hits += cv::countNonZero(said & truth);
-    false_alarms += cv::countNonZero(said & ~truth);
-    misses += cv::countNonZero(truth & ~said);
-  }
-  double f_measure() const { return 2 * hits / (2 * hits + false_alarms + misses); }
-  double overlap() const { return hits / (hits + false_alarms + misses); }
-};
-
 void print_segmentation() {
   fmt::print("{:16} {:>7} {:>7} {:>7} {:>7} {:>9} {:>9} {:>10} {:>10} {:>10}\n", "F (and overlap)", "ours", "overlap",
              "tau .8", "printed", "pyramid", "overlap", "MOG2 8bit", "MOG2 disp", "MOG2 + E12");
@@ -144,7 +134,7 @@ void print_segmentation() {
     DepthPreprocessing ours, slower(slow), printed({}, printed_weights());
     std::vector<cv::Ptr<cv::BackgroundSubtractorMOG2>> mixtures;
     for (int i = 0; i < 3; ++i) mixtures.push_back(cv::createBackgroundSubtractorMOG2(500, 16, false));
-    Scores of_ours, of_slower, of_printed, of_pyramid, of_mixtures[3];
+    MaskScores of_ours, of_slower, of_printed, of_pyramid, of_mixtures[3];
     for (std::size_t i = 0; i < sequence->size(); ++i) {
       const TrueFrame t = sequence->frame(i);
       const PreprocessedDepth& result = ours.next(t.frame.depth, t.frame.colour);

@@ -84,11 +84,12 @@ Json learn_json(const LearningResult& result) {
   }
   json["databases"] = result.databases;
   json["weights"] = Json::array();
-  const WeightTable table(*result.model);
+  std::vector<std::string> formulas;
+  if (!result.weights.empty()) formulas = weight_texts(*result.model, WeightTable(*result.model));
   for (std::size_t w = 0; w < result.weights.size(); ++w) {
     const LearnedWeight& learned = result.weights[w];
     Json entry;
-    entry["formula"] = weight_text(*result.model, table, w);
+    entry["formula"] = formulas[w];
     entry["weight"] = learned.weight;
     if (learned.standard_error) entry["standard_error"] = *learned.standard_error;
     if (learned.fixed) entry["fixed"] = true;

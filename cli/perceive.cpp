@@ -44,16 +44,6 @@ bool read_knowledge(Session& session, const char* option, const std::string& pat
   return true;
 }
 
-std::optional<EvidenceMapping> perceive_mapping(Session& session, const std::string& name) {
-  if (auto shipped = shipped_mapping(name)) return shipped;
-  const TextFile file = load_text_file(name);
-  std::string problem = file.problem;
-  const auto document = file.text ? parse_json(*file.text, problem) : std::nullopt;
-  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
-  if (!mapping) session.error(fmt::format("--mapping '{}': {}", name, problem));
-  return mapping;
-}
-
 std::optional<rgbd::Perception> make_perception(Session& session, const PerceiveArguments& arguments,
                                                 const rgbd::Knowledge& knowledge, const std::string& name) {
   rgbd::PerceptionOptions options;
@@ -242,7 +232,7 @@ int run_perceive(Options options, const PerceiveArguments& arguments) {
   auto perception = make_perception(session, arguments, source->knowledge, source->name);
   if (!perception) return kBadInput;
   std::optional<EvidenceMapping> mapping;
-  if (!arguments.evidence.empty() && !(mapping = perceive_mapping(session, arguments.mapping))) return kBadInput;
+  if (!arguments.evidence.empty() && !(mapping = read_mapping(session, arguments.mapping))) return kBadInput;
   std::optional<SceneStore> store;
   if (!arguments.store.empty()) {
     StoreChoice choice;

@@ -3,6 +3,7 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <charconv>
 #include <chrono>
@@ -128,6 +129,21 @@ std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, con
     }
   }
   return filter;
+}
+
+std::optional<EvidenceMapping> read_mapping(Session& session, const std::string& name) {
+  if (auto shipped = shipped_mapping(name)) return shipped;
+  const TextFile file = load_text_file(name);
+  if (!file.text) {
+    session.error(fmt::format("--mapping: '{}' is none of {}, and no file: {}", name,
+                              fmt::join(shipped_mapping_names(), ", "), file.problem));
+    return std::nullopt;
+  }
+  std::string problem;
+  const auto document = parse_json(*file.text, problem);
+  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
+  if (!mapping) session.error(fmt::format("{}: {}", name, problem));
+  return mapping;
 }
 
 std::optional<Concepts> read_concepts(Session& session, const StoreChoice& choice) {

@@ -11,6 +11,7 @@
 #include "cli/report.h"
 #include "cli/session.h"
 #include "perception_bridge/concepts.h"
+#include "perception_bridge/evidence_mapping.h"
 #include "perception_bridge/scene_store.h"
 
 namespace sherlog::cli {
@@ -39,6 +40,8 @@ void add_concept_option(CLI::App& command, StoreChoice& choice);  // --concepts
 std::optional<SceneStore> open_store(Session& session, const StoreChoice& choice, SqlOpen how);
 std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, const StoreChoice& choice);
 std::optional<Concepts> read_concepts(Session& session, const StoreChoice& choice);
+// What --mapping names: a shipped mapping, or a JSON file.
+std::optional<EvidenceMapping> read_mapping(Session& session, const std::string& name);
 
 // "12.5", "2012-11-22", "2012-11-22T08:30:00Z" (UTC) in seconds.
 std::optional<double> parse_time(std::string_view text);

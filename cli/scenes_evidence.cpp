@@ -24,21 +24,6 @@ struct Observing {
   std::string output = "-";
 };
 
-std::optional<EvidenceMapping> read_mapping(Session& session, const std::string& name) {
-  if (auto shipped = shipped_mapping(name)) return shipped;
-  const TextFile file = load_text_file(name);
-  if (!file.text) {
-    session.error(fmt::format("--mapping: '{}' is none of {}, and no file: {}", name,
-                              fmt::join(shipped_mapping_names(), ", "), file.problem));
-    return std::nullopt;
-  }
-  std::string problem;
-  const auto document = parse_json(*file.text, problem);
-  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
-  if (!mapping) session.error(fmt::format("{}: {}", name, problem));
-  return mapping;
-}
-
 // Two moments are compared where the user says with what, or where the mapping can do nothing else.
 bool compares(const EvidenceMapping& mapping, const Observing& observing) {
   return !observing.against.empty() || mapping.rules.empty();

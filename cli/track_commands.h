@@ -6,7 +6,6 @@
 
 #include "cli/commands.h"
 #include "cli/session.h"
-#include "perception_bridge/evidence_mapping.h"
 
 namespace sherlog::cli {
 
@@ -17,7 +16,5 @@ void add_track_show(CLI::App& track, Action& action);
 
 // For the commands that read a store; nothing after saying what is wrong. "paper": Table 1; else a file.
 std::optional<Model> identity_model(Session& session, const std::string& name);
-// A shipped mapping, or a JSON file.
-std::optional<EvidenceMapping> pair_mapping(Session& session, const std::string& name);
 
 }  // namespace sherlog::cli

@@ -182,7 +182,7 @@ int run_resolve(Options options, const Resolving& resolving) {
   if (const std::string bad = validate(resolving.arbiter_options); !bad.empty())
     return session.error(fmt::format("--sure: {}", bad)), kBadInput;
   auto model = identity_model(session, resolving.model);
-  auto mapping = pair_mapping(session, resolving.mapping);
+  auto mapping = read_mapping(session, resolving.mapping);
   if (!model || !mapping) return kBadInput;
   auto store = open_store(session, resolving.store, {.read_only = resolving.dry_run, .create = false});
   if (!store) return kBadInput;
@@ -202,16 +202,6 @@ std::optional<Model> identity_model(Session& session, const std::string& name) {
                                : parse_model_files({name}, session.diagnostics());
   session.print_diagnostics();
   return model;
-}
-
-std::optional<EvidenceMapping> pair_mapping(Session& session, const std::string& name) {
-  if (auto shipped = shipped_mapping(name)) return shipped;
-  const TextFile file = load_text_file(name);
-  std::string problem = file.problem;
-  const auto document = file.text ? parse_json(*file.text, problem) : std::nullopt;
-  auto mapping = document ? mapping_from_json(*document, problem) : std::nullopt;
-  if (!mapping) session.error(fmt::format("--mapping '{}': {}", name, problem));
-  return mapping;
 }
 
 void add_track_resolve(CLI::App& track, Action& action) {

@@ -66,7 +66,7 @@ std::optional<std::pair<Scene, Scene>> scene_pair(Session& session, SceneStore& 
 Drawn draw_scenes(Session& session, const Showing& showing) {
   if (showing.model == "learned") return session.error("--model learned is for trials of a --dump"), Drawn{};
   auto model = identity_model(session, showing.model);
-  auto mapping = pair_mapping(session, showing.mapping);
+  auto mapping = read_mapping(session, showing.mapping);
   if (!model || !mapping) return {};
   std::string problem;
   const auto question =
@@ -80,16 +80,7 @@ Drawn draw_scenes(Session& session, const Showing& showing) {
   const AssociationQuestion::Answer answer = question->ask(before.clusters, now, session.monitor());
   if (answer.termination != Termination::kCompleted)
     return session.error(answer.message), Drawn{{}, answer.method, exit_code(answer.termination)};
-  StepPicture picture;
-  picture.title = fmt::format("{} against {}", now.id, before.id);
-  for (const Cluster& cluster : before.clusters) picture.old_names.push_back(cluster.id);
-  for (const Cluster& cluster : now.clusters) picture.new_names.push_back(cluster.id);
-  picture.out_of_view = out_of_view_of(before.clusters, now);
-  picture.grades = grades_of(observe_change(question->mapping(), before.clusters, now), question->mapping(),
-                             before.clusters.size(), now.clusters.size());
-  picture.belief = answer.belief;
-  picture.resolution = decide(answer.belief, picture.out_of_view);
-  return {std::move(picture), answer.method, kDone};
+  return {picture_of(before, now, question->mapping(), answer.belief), answer.method, kDone};
 }
 
 std::optional<FourTablesTrial> dumped_trial(Session& session, const Showing& showing, const FourTablesConfig& config) {

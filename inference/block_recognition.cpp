@@ -15,6 +15,7 @@ class Recognition {
  public:
   explicit Recognition(const GroundNetwork& network) : network_(network) {
     group_of_atom_.assign(network.atom_count(), kNoGroup);
+    collect_clauses();
     collect_exclusions();
     for (const Constraint& c : network.constraints()) consider(c.literal);
   }
@@ -45,18 +46,35 @@ class Recognition {
     return network_.candidate_count(v) == 1 && network_.has_none(v);
   }
 
+  // Only what a clause of unnegated boolean atoms demands one of can be a group: few atoms, as a rule none.
+  void collect_clauses() {
+    in_clause_.assign(network_.atom_count(), false);
+    for (const Constraint& c : network_.constraints()) {
+      if (!is_clause(c.literal)) continue;
+      const auto inputs = network_.gate_inputs(c.literal.gate());
+      const auto counts = [&](Literal input) { return !input.negated() && boolean(input); };
+      if (!std::ranges::all_of(inputs, counts)) continue;
+      for (Literal input : inputs) in_clause_[input.atom().index()] = true;
+    }
+  }
+
+  bool is_clause(Literal literal) const {
+    return literal.is_gate() && !literal.negated() && network_.gate_kind(literal.gate()) == GateKind::kOr;
+  }
+
+  bool may_group(Literal literal) const { return literal.is_atom() && in_clause_[literal.atom().index()]; }
+
   void collect_exclusions() {
     for (const Constraint& c : network_.constraints()) {
-      if (!c.literal.is_gate() || c.literal.negated() || network_.gate_kind(c.literal.gate()) != GateKind::kOr)
-        continue;
+      if (!is_clause(c.literal)) continue;
       const auto inputs = network_.gate_inputs(c.literal.gate());
       if (inputs.size() != 2 || !inputs[0].negated() || !inputs[1].negated()) continue;
-      if (boolean(inputs[0]) && boolean(inputs[1])) excluded_.insert(pair_key(inputs[0].atom(), inputs[1].atom()));
+      if (may_group(inputs[0]) && may_group(inputs[1])) excluded_.insert(pair_key(inputs[0].atom(), inputs[1].atom()));
     }
   }
 
   void consider(Literal literal) {
-    if (!literal.is_gate() || literal.negated() || network_.gate_kind(literal.gate()) != GateKind::kOr) return;
+    if (!is_clause(literal)) return;
     const auto inputs = network_.gate_inputs(literal.gate());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       if (inputs[i].negated() || !boolean(inputs[i]) || group_of_atom_[inputs[i].atom().index()] != kNoGroup) return;
@@ -128,6 +146,7 @@ class Recognition {
   }
 
   const GroundNetwork& network_;
+  std::vector<bool> in_clause_;  // by atom
   std::unordered_set<std::uint64_t> excluded_;
   std::vector<std::uint32_t> group_of_atom_;
   std::vector<std::vector<Literal>> groups_;

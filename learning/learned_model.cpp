@@ -284,6 +284,13 @@ std::string weight_text(const Model& model, const WeightTable& table, std::size_
   return text_of(part_of_weight(model, table, weight, declared_domains(model)));
 }
 
+std::vector<std::string> weight_texts(const Model& model, const WeightTable& table) {
+  const std::vector<bool> declared = declared_domains(model);
+  std::vector<std::string> texts;
+  for (std::size_t w = 0; w < table.size(); ++w) texts.push_back(text_of(part_of_weight(model, table, w, declared)));
+  return texts;
+}
+
 std::string learned_model_text(const Model& model, const WeightTable& table, std::span<const double> weights,
                                const std::string& heading) {
   std::string text = comment(heading) + "\n";

@@ -3,6 +3,7 @@
 
 #include <span>
 #include <string>
+#include <vector>
 
 #include "learning/weight_table.h"
 #include "mln/model.h"
@@ -13,6 +14,8 @@ namespace sherlog {
 // where nothing else is left). Variables carry a ? where the model writes them so or where a constant has the same name;
 // constants that would be read as variables are in quotes.
 std::string weight_text(const Model& model, const WeightTable& table, std::size_t weight);
+// Those of all weights, in time linear in the model and the texts.
+std::vector<std::string> weight_texts(const Model& model, const WeightTable& table);
 
 // The whole model, includes written out, each soft formula with its weight (shortest decimal that reads back to the same
 // bits); `heading` becomes a comment at the top (without comment signs).

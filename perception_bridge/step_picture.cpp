@@ -7,6 +7,8 @@
 #include <iterator>
 #include <map>
 
+#include "perception_bridge/association_question.h"
+
 namespace sherlog {
 namespace {
 
@@ -182,6 +184,20 @@ std::vector<StepPicture::Grades> grades_of(const SceneObservation& observation, 
     }
   }
   return grades;
+}
+
+StepPicture picture_of(const Scene& before, const Scene& now, const EvidenceMapping& mapping,
+                       const IdentityBelief& belief) {
+  StepPicture picture;
+  picture.title = fmt::format("{} against {}", now.id, before.id);
+  for (const Cluster& cluster : before.clusters) picture.old_names.push_back(cluster.id);
+  for (const Cluster& cluster : now.clusters) picture.new_names.push_back(cluster.id);
+  picture.out_of_view = out_of_view_of(before.clusters, now);
+  picture.grades =
+      grades_of(observe_change(mapping, before.clusters, now), mapping, before.clusters.size(), now.clusters.size());
+  picture.belief = belief;
+  picture.resolution = decide(belief, picture.out_of_view);
+  return picture;
 }
 
 std::optional<char> pair_mark(const Resolution& resolution, std::size_t o, std::size_t n) {

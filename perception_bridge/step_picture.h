@@ -37,6 +37,10 @@ struct StepPicture {
 std::vector<StepPicture::Grades> grades_of(const SceneObservation& observation, const EvidenceMapping& mapping,
                                            std::size_t olds, std::size_t news);
 
+// Two scenes as they are believed to belong together.
+StepPicture picture_of(const Scene& before, const Scene& now, const EvidenceMapping& mapping,
+                       const IdentityBelief& belief);
+
 // S, M or V; nothing where they are no pair.
 std::optional<char> pair_mark(const Resolution& resolution, std::size_t o, std::size_t n);
 // H or D; nothing where it has a partner.

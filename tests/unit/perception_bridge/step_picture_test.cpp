@@ -44,16 +44,7 @@ StepPicture step_between(const std::string& before_id, const std::string& now_id
   Monitor quiet;
   const auto answer = question->ask(before.clusters, now, quiet);
   EXPECT_EQ(answer.termination, Termination::kCompleted) << answer.message;
-  StepPicture step;
-  step.title = now_id + " against " + before_id;
-  for (const Cluster& cluster : before.clusters) step.old_names.push_back(cluster.id);
-  for (const Cluster& cluster : now.clusters) step.new_names.push_back(cluster.id);
-  step.out_of_view = out_of_view_of(before.clusters, now);
-  step.grades = grades_of(observe_change(question->mapping(), before.clusters, now), question->mapping(),
-                          before.clusters.size(), now.clusters.size());
-  step.belief = answer.belief;
-  step.resolution = decide(answer.belief, step.out_of_view);
-  return step;
+  return picture_of(before, now, question->mapping(), answer.belief);
 }
 
 std::size_t count(const std::string& text, const std::string& part) {

@@ -9,6 +9,7 @@
 #include <opencv2/video/background_segm.hpp>
 #include <random>
 
+#include "rgbd/depth/mask_scores.h"
 #include "rgbd/synthetic/sequences.h"
 
 namespace sherlog::rgbd {
@@ -165,17 +166,6 @@ TEST(MajorityOfNine, CountsNeighbours) {
 
 // --- E12, E13: whole sequences
 
-struct Scores {
-  double hits = 0, false_alarms = 0, misses = 0;
-  void add(const MaskImage& said, const MaskImage& truth) {
-    hits += cv::countNonZero(said & truth);
-    false_alarms += cv::countNonZero(said & ~truth);
-    misses += cv::countNonZero(truth & ~said);
-  }
-  double f_measure() const { return 2 * hits / (2 * hits + false_alarms + misses); }
-  double overlap() const { return hits / (hits + false_alarms + misses); }
-};
-
 TEST(DepthPreprocessing, IsBetterThanMixturesOfGaussiansOnEverySequence) {
   for (const std::string& name : sequence_names()) {
     if (name == "empty_room" || name == "crowd") continue;  // nothing to find; nothing but people
@@ -183,8 +173,8 @@ TEST(DepthPreprocessing, IsBetterThanMixturesOfGaussiansOnEverySequence) {
     const auto sequence = make_sequence(name, {.width = 160, .height = 120});
     ASSERT_TRUE(sequence);
     DepthPreprocessing ours, printed({}, printed_weights());
-    Scores our_scores, printed_scores;
-    std::map<std::string, Scores> theirs;
+    MaskScores our_scores, printed_scores;
+    std::map<std::string, MaskScores> theirs;
     std::map<std::string, cv::Ptr<cv::BackgroundSubtractorMOG2>> mixtures;
     for (std::size_t i = 0; i < sequence->size(); ++i) {
       const TrueFrame truth = sequence->frame(i);
@@ -219,7 +209,7 @@ TEST(DepthPreprocessing, PutsAWindowBehindThePersonInFrontOfIt) {
   const auto sequence = make_sequence("window", {.frames = 60});
   ASSERT_TRUE(sequence);
   DepthPreprocessing chain;
-  Scores with, without;
+  MaskScores with, without;
   double error = 0, gaps = 0;
   for (std::size_t i = 0; i < 44; ++i) {
     const TrueFrame truth = sequence->frame(i);

@@ -1,0 +1,25 @@
+// How well a mask says what is foreground, in pixels: summed over as many frames as one likes.
+//
+//   F = 2 hits / (2 hits + false alarms + misses),   overlap (intersection over union) = hits / (hits + false alarms + misses)
+#pragma once
+
+#include <opencv2/core.hpp>
+
+#include "rgbd/frames/frame.h"
+
+namespace sherlog::rgbd {
+
+struct MaskScores {
+  double hits = 0, false_alarms = 0, misses = 0;
+
+  void add(const MaskImage& said, const MaskImage& truth) {
+    hits += cv::countNonZero(said & truth);
+    false_alarms += cv::countNonZero(said & ~truth);
+    misses += cv::countNonZero(truth & ~said);
+  }
+  // Not a number where neither says that anything is there.
+  double f_measure() const { return 2 * hits / (2 * hits + false_alarms + misses); }
+  double overlap() const { return hits / (hits + false_alarms + misses); }
+};
+
+}  // namespace sherlog::rgbd
