@@ -41,13 +41,15 @@ class Collector {
     const PredicateEvidence& stated = evidence_.of(node.predicate);
     std::vector<ConstantIndex> arguments;
     for (const Term& term : node.terms) arguments.push_back(term.is_variable ? values_[term.index] : term.index);
+    const auto fits = [](ConstantIndex wanted, ConstantIndex stated_one) {
+      return wanted == stated_one || wanted == kEveryConstant;
+    };
     for (std::size_t i = 0; i < stated.size(); ++i) {
       if (stated.kinds[i] != EvidenceKind::kTrue && stated.kinds[i] != EvidenceKind::kFalse) continue;
       const auto begin = stated.arguments.begin() + static_cast<std::ptrdiff_t>(i * arguments.size());
-      if (!std::equal(arguments.begin(), arguments.end(), begin)) continue;
+      if (!std::equal(arguments.begin(), arguments.end(), begin, fits)) continue;
       const StatedAtom atom{node.predicate, i};
       if (std::find(found_.begin(), found_.end(), atom) == found_.end()) found_.push_back(atom);
-      return;
     }
   }
 

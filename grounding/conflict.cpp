@@ -41,7 +41,7 @@ class GroundPrinter {
   std::string term(const Term& t, DomainId domain) const {
     if (!t.is_variable) return quoted_constant(evidence_.constant_name(model_, domain, t.index));
     const FormulaVariable& variable = formula_.variables[t.index];
-    if (variable.quantified) return variable.name;
+    if (variable.quantified || values_[t.index] == kEveryConstant) return variable.name;
     return quoted_constant(evidence_.constant_name(model_, domain, values_[t.index]));
   }
 
@@ -131,6 +131,23 @@ class Explainer {
             std::vector<ConstantIndex> values)
       : model_(model), evidence_(evidence), atoms_(atoms), formula_(formula), values_(std::move(values)) {}
 
+  // Looks for values of the variables that stand for every constant under which the evidence makes the formula false;
+  // they stay as they are where there are none.
+  const std::vector<ConstantIndex>& bound() {
+    std::vector<std::uint32_t> unbound;
+    double combinations = 1;
+    for (std::uint32_t v = 0; v < values_.size(); ++v) {
+      if (formula_.variables[v].quantified || values_[v] != kEveryConstant) continue;
+      unbound.push_back(v);
+      combinations *= atoms_.domain_size(formula_.variables[v].domain);
+    }
+    const bool found = combinations <= kMostToTry && bind(unbound, 0);
+    if (!found) {
+      for (std::uint32_t v : unbound) values_[v] = kEveryConstant;
+    }
+    return values_;
+  }
+
   // Atoms that evidence decides and that suffice to make the formula false.
   AtomSet reasons() {
     // Where it took the rules of blocks as well: all that is known of its atoms.
@@ -156,6 +173,18 @@ class Explainer {
  private:
   static constexpr std::size_t kMostToShrink = 256;
   static constexpr std::size_t kMostToCollect = 64;
+  static constexpr double kMostToTry = 1e5;
+
+  bool bind(const std::vector<std::uint32_t>& unbound, std::size_t depth) {
+    if (depth == unbound.size()) return value(formula_.root) == Truth::kFalse;
+    const std::uint32_t variable = unbound[depth];
+    const std::uint32_t size = atoms_.domain_size(formula_.variables[variable].domain);
+    for (ConstantIndex c = 0; c < size; ++c) {
+      values_[variable] = c;
+      if (bind(unbound, depth + 1)) return true;
+    }
+    return false;
+  }
 
   GroundAtom ground(const FormulaNode& node) const {
     GroundAtom atom{node.predicate, {}};
@@ -166,6 +195,7 @@ class Explainer {
 
   Truth atom_value(const FormulaNode& node) const {
     const GroundAtom atom = ground(node);
+    if (std::ranges::find(atom.second, kEveryConstant) != atom.second.end()) return Truth::kUnknown;
     if (only_ && !only_->contains(atom)) return Truth::kUnknown;
     const std::uint32_t code = atoms_.code(atom.first, atom.second);
     return code >= atom_code::kOpen ? Truth::kUnknown : truth_of(code == atom_code::kTrue);
@@ -173,6 +203,7 @@ class Explainer {
 
   Truth compared(const FormulaNode& node) const {
     const ConstantIndex left = constant(node.terms[0]), right = constant(node.terms[1]);
+    if (left == kEveryConstant || right == kEveryConstant) return Truth::kUnknown;
     if (node.kind == NodeKind::kEqual) return truth_of(left == right);
     const auto number = [&](ConstantIndex c) {
       const std::string& name = evidence_.constant_name(model_, node.domain, c);
@@ -292,7 +323,7 @@ class Explainer {
   void collect(const FormulaNode& node, AtomSet& atoms) {
     if (atoms.size() >= kMostToCollect) return;
     if (node.kind == NodeKind::kAtom) {
-      if (atom_value(node) != Truth::kUnknown) atoms.insert(ground(node));
+      collect_atom(node, atoms);
     } else if (node.kind == NodeKind::kExists || node.kind == NodeKind::kForall) {
       for_each_binding(node, [&] {
         collect(node.children[0], atoms);
@@ -301,6 +332,23 @@ class Explainer {
     } else {
       for (const FormulaNode& child : node.children) collect(child, atoms);
     }
+  }
+
+  // Under every constant for a variable that is not bound.
+  void collect_atom(const FormulaNode& node, AtomSet& atoms) {
+    const auto unbound =
+        std::ranges::find_if(node.terms, [&](const Term& term) { return constant(term) == kEveryConstant; });
+    if (unbound == node.terms.end()) {
+      if (atom_value(node) != Truth::kUnknown) atoms.insert(ground(node));
+      return;
+    }
+    const std::uint32_t variable = unbound->index;
+    const std::uint32_t size = atoms_.domain_size(formula_.variables[variable].domain);
+    for (ConstantIndex c = 0; c < size && atoms.size() < kMostToCollect; ++c) {
+      values_[variable] = c;
+      collect_atom(node, atoms);
+    }
+    values_[variable] = kEveryConstant;
   }
 
   const Model& model_;
@@ -407,8 +455,9 @@ Conflict conflict_of_formula(const Model& model, const Evidence& evidence, const
                              std::vector<ConstantIndex> by_variable) {
   const Formula& formula = model.formula(id);
   Items items(model, evidence);
-  items.add({ground_formula_text(model, evidence, formula, by_variable), formula.place, true});
-  const AtomSet reasons = Explainer(model, evidence, atoms, formula, std::move(by_variable)).reasons();
+  Explainer explainer(model, evidence, atoms, formula, std::move(by_variable));
+  items.add({ground_formula_text(model, evidence, formula, explainer.bound()), formula.place, true});
+  const AtomSet reasons = explainer.reasons();
   for (const auto& [predicate, arguments] : reasons) items.add_reason(predicate, arguments, !atoms.is_open(predicate));
   return items.finish(reasons.empty() ? "a hard formula can never hold" : "the evidence contradicts a hard formula");
 }

@@ -10,7 +10,8 @@
 
 namespace sherlog {
 
-// The formula under these constants for its variables (`by_variable`: quantified ones are left as they are).
+// The formula under these constants for its variables (`by_variable`: quantified ones, and those under kEveryConstant, are
+// left as they are).
 std::string ground_formula_text(const Model& model, const Evidence& evidence, const Formula& formula,
                                 std::span<const ConstantIndex> by_variable);
 

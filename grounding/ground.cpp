@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "grounding/block_values.h"
 #include "grounding/conflict.h"
 #include "grounding/contradiction.h"
 #include "grounding/formula_joins.h"
@@ -334,6 +335,7 @@ class Grounder {
   bool ground_hard_part(FormulaId id, NormalNode part, FormulaGrounding& report) {
     const Formula& formula = model_.formula(id);
     if (part.shape == NodeShape::kTrue) return true;
+    const std::vector<std::uint32_t> by_block = say_by_blocks(part, formula, model_, atoms_);
     // Variables that this conjunct does not mention need no enumeration: their domains have constants.
     std::vector<std::uint32_t> outer = outer_variables(formula), variables = outer;
     if (formula.unique.empty()) {
@@ -344,12 +346,14 @@ class Grounder {
     FormulaJoins join = plan_joins(std::move(part), formula, variables, filters, true, atoms_, numbers_, builder_,
                                    [this] { return keep_going(); });
     if (!affordable(formula, join)) return false;
-    std::vector<ConstantIndex> binding(outer.size());
+    std::vector<ConstantIndex> binding(outer.size()), by_variable(formula.variables.size());
     return join.run([&](const std::vector<ConstantIndex>& values, Literal literal) {
       ++report.joined;
-      for (std::size_t i = 0; i < outer.size(); ++i) binding[i] = values[outer[i]];
+      by_variable = values;
+      for (std::uint32_t v : by_block) by_variable[v] = kEveryConstant;
+      for (std::size_t i = 0; i < outer.size(); ++i) binding[i] = by_variable[outer[i]];
       if (builder_.add_constraint(literal, id, binding)) return true;
-      return fail(conflict_of_formula(model_, evidence_, atoms_, id, values));
+      return fail(conflict_of_formula(model_, evidence_, atoms_, id, by_variable));
     });
   }
 

@@ -104,11 +104,7 @@ class Normaliser {
 
  private:
   NormalNode atom(const FormulaNode& node, bool negated) {
-    NormalNode result;
-    result.shape = NodeShape::kAtom;
-    result.negated = negated;
-    result.atom = atoms_.pattern(node.predicate, node.terms);
-    return with_free_variables(std::move(result));
+    return atom_node(atoms_.pattern(node.predicate, node.terms), negated);
   }
 
   NormalNode comparison(NodeShape shape, const FormulaNode& node, bool negated) {
@@ -198,6 +194,16 @@ std::optional<std::pair<NormalNode, NormalNode>> implications(const Formula& for
   if (there.shape != NodeShape::kOr || back.shape != NodeShape::kOr) return {};
   return std::pair(std::move(there), std::move(back));
 }
+
+NormalNode atom_node(AtomPattern atom, bool negated) {
+  NormalNode node;
+  node.shape = NodeShape::kAtom;
+  node.negated = negated;
+  node.atom = std::move(atom);
+  return with_free_variables(std::move(node));
+}
+
+NormalNode any_of(std::vector<NormalNode> children) { return combine(NodeShape::kOr, std::move(children)); }
 
 NormalNode earlier(std::uint32_t left, std::uint32_t right) {
   NormalNode node;

@@ -64,6 +64,9 @@ NormalNode normal_form(const Formula& formula, const AtomTable& atoms, ConstantN
 // is constant.
 std::optional<std::pair<NormalNode, NormalNode>> implications(const Formula& formula, const AtomTable& atoms,
                                                               ConstantNumbers& numbers);
+// Parts for those who rewrite a formula further.
+NormalNode atom_node(AtomPattern atom, bool negated);
+NormalNode any_of(std::vector<NormalNode> children);
 // left comes before right in their domain.
 NormalNode earlier(std::uint32_t left, std::uint32_t right);
 

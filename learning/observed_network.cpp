@@ -86,6 +86,27 @@ void list_atoms(const Model& model, const Evidence& evidence, const Formula& for
   if (std::ranges::find(lines, line) == lines.end()) lines.push_back(std::move(line));
 }
 
+// A variable over all values of a block stands for the one that the database states.
+void bind_by_evidence(const Evidence& evidence, const FormulaNode& node, std::vector<ConstantIndex>& by_variable) {
+  for (const FormulaNode& child : node.children) bind_by_evidence(evidence, child, by_variable);
+  if (node.kind != NodeKind::kAtom) return;
+  const auto value = [&](const Term& term) { return term.is_variable ? by_variable[term.index] : term.index; };
+  const auto every = std::ranges::find(node.terms, kEveryConstant, value);
+  if (every == node.terms.end()) return;
+  const auto position = static_cast<std::size_t>(every - node.terms.begin());
+  const PredicateEvidence& stated = evidence.of(node.predicate);
+  const std::size_t arity = node.terms.size();
+  for (std::size_t a = 0; a < stated.size(); ++a) {
+    if (stated.kinds[a] != EvidenceKind::kTrue) continue;
+    const std::span<const ConstantIndex> arguments(stated.arguments.data() + a * arity, arity);
+    bool fits = true;
+    for (std::size_t i = 0; i < arity; ++i) fits = fits && (i == position || value(node.terms[i]) == arguments[i]);
+    if (!fits) continue;
+    by_variable[every->index] = arguments[position];
+    return;
+  }
+}
+
 // Names the first constraint that the observed world breaks.
 std::string broken_constraint(const Model& model, const Evidence& evidence, const ObservedNetwork& observed) {
   if (observed.network.constraints().empty()) return "";
@@ -101,6 +122,7 @@ std::string broken_constraint(const Model& model, const Evidence& evidence, cons
     for (std::size_t v = 0; v < by_variable.size(); ++v) {
       if (!formula.variables[v].quantified) by_variable[v] = binding[next++];
     }
+    bind_by_evidence(evidence, formula.root, by_variable);
     std::vector<std::string> atoms;
     list_atoms(model, evidence, formula, formula.root, by_variable, atoms);
     return fmt::format("the training data breaks a hard formula: {}: {}{}", place_text(model.sources(), formula.place),

@@ -31,6 +31,8 @@ using ComponentId = Id<struct ComponentTag>;  // a connected component of it
 // A constant is known by its position in its domain: first those of the model (declared, then met in formulas),
 // then those that the evidence adds.
 using ConstantIndex = std::uint32_t;
+// In the constants of a ground formula: this variable is not bound, the formula speaks of all its values at once.
+inline constexpr ConstantIndex kEveryConstant = 0xffffffffu;
 
 }  // namespace sherlog
 

@@ -204,6 +204,10 @@ class Writer {
 
   std::string statement() {
     if (chance(0.1)) return unique_statement();
+    if (chance(0.1)) {
+      const std::string rule = rule_with_exceptions();
+      if (!rule.empty()) return rule;
+    }
     if (chance(0.22)) {  // hard: a clause, most of the time, so that worlds are left
       sigil_ = "";
       return typed_formula(chance(0.8) ? 1 : 2) + ".";
@@ -247,6 +251,40 @@ class Writer {
     };
     return fmt::format("#unique{{+?a, +?b}}\n{} {} {} {}", weight(), mention("?a"), chance(0.5) ? "^" : "v",
                        mention("?b"));
+  }
+
+  // A hard rule about all values of a '!' block but some: P(x, e) ^ e != C ... => something. Empty where no predicate fits.
+  std::string rule_with_exceptions() {
+    std::vector<RandomPredicate> fitting;
+    for (const RandomPredicate& predicate : predicates_) {
+      if (predicate.mark != '!' || std::ranges::count(predicate.marked, true) != 1) continue;
+      const auto position = std::ranges::find(predicate.marked, true) - predicate.marked.begin();
+      if (domains_[predicate.domains[static_cast<std::size_t>(position)]].declared) fitting.push_back(predicate);
+    }
+    if (fitting.empty()) return "";
+    const RandomPredicate& predicate = pick(fitting);
+    std::vector<std::string> body;
+    const auto mention = [&](const std::string& first, const std::string& value) {
+      std::vector<std::string> terms;
+      for (std::size_t i = 0; i < predicate.domains.size(); ++i) {
+        terms.push_back(predicate.marked[i]                 ? value
+                        : i + 1 == predicate.domains.size() ? first
+                                                            : fmt::format("?m{}", i));
+        if (!predicate.marked[i]) continue;
+        for (std::size_t n = 1 + below(2); n > 0; --n)
+          body.push_back(fmt::format("{} != {}", value, pick(domains_[predicate.domains[i]].constants)));
+      }
+      body.push_back(fmt::format("{}({})", predicate.name, fmt::join(terms, ", ")));
+    };
+    mention("?x", "?e");
+    const bool two = predicate.domains.size() > 1 && !predicate.marked.back() && chance(0.6);
+    if (two) mention("?y", chance(0.15) ? "?e" : "?f");
+    std::ranges::shuffle(body, random_);
+    const RandomPredicate& other = pick(predicates_);
+    std::vector<std::string> terms;
+    for (std::size_t i = 0; i < other.domains.size(); ++i) terms.push_back(fmt::format("?o{}", i));
+    return fmt::format("{} => {}.", fmt::join(body, " ^ "),
+                       two ? "?x = ?y" : fmt::format("{}({})", other.name, fmt::join(terms, ", ")));
   }
 
   // --- evidence

@@ -105,6 +105,25 @@ TEST(Grounding, WeighsAConjunctionAsAWhole) {
   EXPECT_DOUBLE_EQ(g.network().constant_score(), 2);
 }
 
+TEST(Grounding, SaysByTheBlockWhatHoldsOfAllItsValuesButSome) {
+  const std::string declared = "e = {move, stay, not, gone}\nis(old, e!)\nP(old)\nmay(old, e?)\n";
+  const auto lines = [&](const std::string& rule) {
+    return ground_text(declared + rule, "old = {A, B}\n", {{"is", "P", "may"}}).lines();
+  };
+  EXPECT_EQ(lines("is(A, e1) ^ e1 != not => P(A).\n"), (Lines{"is(A,not) v P(A)."}));
+  EXPECT_EQ(lines("is(A, e1) ^ e1 != not ^ not != e1 ^ e1 != gone => P(A).\n"),
+            (Lines{"is(A,not) v is(A,gone) v P(A)."}));
+  EXPECT_EQ(lines("is(x, e1) ^ is(y, e2) ^ e1 != not ^ e2 != not => x = y.\n"), (Lines{"is(A,not) v is(B,not)."}));
+  // As many as there are values: the variable stands in another place as well, the block may be empty, a soft formula is
+  // counted.
+  EXPECT_EQ(lines("is(A, e1) ^ is(B, e1) ^ e1 != not ^ e1 != gone => P(A).\n"),
+            (Lines{"!is(A,move) v !is(B,move) v P(A).", "!is(A,stay) v !is(B,stay) v P(A)."}));
+  EXPECT_EQ(lines("may(A, e1) ^ e1 != not ^ e1 != gone => P(A).\n"),
+            (Lines{"P(A) v !may(A,move).", "P(A) v !may(A,stay)."}));
+  EXPECT_EQ(lines("2 is(A, e1) ^ e1 != not ^ e1 != gone => P(A)\n"),
+            (Lines{"2 !is(A,move) v P(A)", "2 !is(A,stay) v P(A)"}));
+}
+
 TEST(Grounding, SplitsAHardConjunction) {
   const auto g = ground_text("P(d)\nQ(d)\nP(x) ^ (P(y) => Q(y)).\n", "d = {A}\n", {{"P", "Q"}});
   EXPECT_EQ(g.lines(), (Lines{"!P(A) v Q(A).", "P(A)."}));
@@ -193,9 +212,10 @@ TEST(Grounding, CountsTableOne) {
   EXPECT_EQ(g.network().atom_count(), 900u + 2 * 225 + 4 * 15);  // 1410
   EXPECT_EQ(g.network().variable_count(), 225u + 2 * 225 + 4 * 15);
   EXPECT_DOUBLE_EQ(g.network().grounding_count(), 2 * 54000 + 3 * 225 + 225 + 15 + 2 * 15);  // 108 945
-  // a != b, neither explanation Not: 15 * 14 * 15 * 3 * 3 in both orders, of which each says the same: one of them is visited.
-  EXPECT_EQ(g.result.formulas[0].joined, 28350u / 2);
-  EXPECT_EQ(g.result.formulas[0].features, 14175u);
+  // a != b: 15 * 14 * 15 in both orders, of which each says the same: one of them is visited. The blocks say at once what
+  // holds of the 3 * 3 explanations that are not Not.
+  EXPECT_EQ(g.result.formulas[0].joined, 3150u / 2);
+  EXPECT_EQ(g.result.formulas[0].features, 1575u);
 }
 
 // --- open and closed -------------------------------------------------------------------------------------------------
@@ -387,6 +407,24 @@ TEST(Conflicts, PropagateThroughBlocks) {
       "c = {A}\n", {{"object", "P"}});
   EXPECT_EQ(g.conflict(), (Lines{"!object(A,Box) @ m.mln:4", "!object(A,Flat) @ m.mln:5",
                                  "P(A) => !object(A,Tall) @ m.mln:6", "P(A) @ m.mln:7"}));
+}
+
+const char* kOneToOne =
+    "e = {move, stay, not}\nis(old, new, e!)\n(is(a, c, e1) ^ is(b, c, e2) ^ e1 != not ^ e2 != not) => a = b.\n";
+
+TEST(Conflicts, NameTheValuesThatTheEvidenceStatesOfBlocks) {
+  const auto g = ground_text(kOneToOne, "is(A, N, stay)\nis(B, N, move)\n", {{"is"}});
+  EXPECT_EQ(g.conflict(), (Lines{"is(A,N,stay) @ e.db:1",
+                                 "is(A,N,stay) ^ is(B,N,move) ^ stay != not ^ move != not => A = B @ m.mln:3",
+                                 "is(B,N,move) @ e.db:2"}));
+}
+
+TEST(Conflicts, LeaveTheValueOpenWhereTheEvidenceDoes) {
+  const auto g = ground_text(kOneToOne, "!is(A, N, not)\nis(B, N, move)\n", {{"is"}});
+  EXPECT_EQ(g.result.termination, Termination::kNoPossibleWorld);
+  EXPECT_EQ(g.conflict(),
+            (Lines{"!is(A,N,not) @ e.db:1", "is(A,N,e1) ^ is(B,N,e2) ^ e1 != not ^ e2 != not => A = B @ m.mln:3",
+                   "is(B,N,move) @ e.db:2"}));
 }
 
 TEST(Conflicts, AnExactlyOneBlockNeedsAConstant) {
