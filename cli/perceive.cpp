@@ -13,6 +13,7 @@
 #include "rgbd/frames/sequence.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
+#include "rgbd/pipeline/truth.h"
 
 namespace sherlog::cli {
 namespace {
@@ -21,7 +22,7 @@ struct PerceiveArguments {
   std::string frames, query, store, prefix, map, known, evidence, record;
   std::string mapping = "robosherlock";
   std::uint64_t every = 10, first = 0, last = std::numeric_limits<std::uint64_t>::max();
-  bool times = false, replace = false, moving = false;
+  bool times = false, replace = false, moving = false, labels = false;
 };
 
 // What has been found in all frames so far.
@@ -151,7 +152,8 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
       continue;
     }
     ++tally.frames;
-    const rgbd::Perceived perceived = perception.perceive(*frame, source.calibration, index);
+    rgbd::Perceived perceived = perception.perceive(*frame, source.calibration, index);
+    if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
     count_failures(session, perceived, index, tally);
     tell(perceived, request, index, tally);
     if (mapping) {
@@ -223,6 +225,9 @@ int run_perceive(Options options, const PerceiveArguments& arguments) {
   if (arguments.first >= source->frames) {
     return session.error(fmt::format("--first: there are {} frames, numbered from 0", source->frames)), kBadInput;
   }
+  if (arguments.labels && !source->truth) {
+    return session.error("--labels: only of synthetic frames is it known what they show"), kBadInput;
+  }
   if (source->unpaired > 0) session.warning(fmt::format("{} depth images have no colour image", source->unpaired));
   if (!arguments.record.empty()) return record_frames(session, arguments, *source);
   if (!read_knowledge(session, "--map", arguments.map, rgbd::parse_map, source->knowledge.map) ||
@@ -282,6 +287,7 @@ void add_perceive(CLI::App& app, Action& action) {
       ->type_name("FILE");
   command->add_flag("--replace", arguments->replace, "A scene whose id the store has takes its place");
   command->add_flag("--moving", arguments->moving, "Store scenes too while something reaches over the table");
+  command->add_flag("--labels", arguments->labels, "Of synthetic frames: which object each thing is, for training");
   command
       ->add_option("--prefix", arguments->prefix, "Scenes are called so and by number (default: the recording's name)")
       ->type_name("TEXT");

@@ -24,6 +24,7 @@ std::optional<FrameSource> open_synthetic(const std::string& name, std::uint64_t
                      .frames = sequence->size(),
                      .unpaired = 0,
                      .read = [sequence](std::size_t index, std::string&) { return sequence->frame(index).frame; },
+                     .truth = [sequence](std::size_t index) { return sequence->frame(index); },
                      .knowledge = knowledge_of(*sequence)};
   return source;
 }

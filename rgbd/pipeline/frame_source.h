@@ -20,6 +20,7 @@ struct FrameSource {
   std::size_t frames = 0;
   std::size_t unpaired = 0;  // depth images that have no colour image
   std::function<std::optional<Frame>(std::size_t index, std::string& problem)> read;
+  std::function<TrueFrame(std::size_t index)> truth = {};  // of synthetic sequences only
   Knowledge knowledge;  // of synthetic kitchens: their tables and all things that there are
 };
 

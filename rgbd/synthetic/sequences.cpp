@@ -9,6 +9,7 @@
 
 #include "rgbd/synthetic/kitchen.h"
 #include "rgbd/synthetic/person.h"
+#include "rgbd/synthetic/random_kitchen.h"
 
 namespace sherlog::rgbd {
 namespace {
@@ -133,6 +134,12 @@ Story robot_table() {
   };
 }
 
+Story random_story(std::uint64_t seed, std::size_t frames) {
+  return [kitchen = random_kitchen(seed, frames)](double t) {
+    return kitchen.scene(static_cast<std::size_t>(std::lround(t * static_cast<double>(kitchen.steps.size() - 1))));
+  };
+}
+
 // --- people
 
 // Walks through the points, each with the moment it is reached.
@@ -219,7 +226,8 @@ struct Named {
 };
 constexpr Named kNames[] = {{"table_moves", 180}, {"table_removals", 180},  {"table_occlusion", 150},
                             {"robot_table", 150}, {"people_crossing", 300}, {"window", 200},
-                            {"hall", 300},        {"crowd", 120},           {"empty_room", 30}};
+                            {"hall", 300},        {"crowd", 120},           {"empty_room", 30},
+                            {"random_kitchen", 8}};
 
 }  // namespace
 
@@ -280,11 +288,12 @@ std::optional<SyntheticSequence> make_sequence(std::string_view name, const Sequ
     return SyntheticSequence(std::string(name), calibration, camera, frames, std::move(scenery), std::move(story), {},
                              options.seed);
   };
-  if (name.starts_with("table") || name == "robot_table") {
+  if (name.starts_with("table") || name == "robot_table" || name == "random_kitchen") {
     const Eigen::Isometry3d camera = look_at({0, 0.20, 1.42}, {0, 1.16, 0.78});
     Story story = name == "table_moves"      ? table_moves()
                   : name == "table_removals" ? table_removals()
                   : name == "robot_table"    ? robot_table()
+                  : name == "random_kitchen" ? random_story(options.seed, frames)
                                              : table_occlusion();
     return make(camera, table_room(), std::move(story));
   }

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <numeric>
-#include <random>
 #include <set>
 
 #include "mln/parser.h"
@@ -13,7 +11,7 @@
 #include "rgbd/objects/looks.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
-#include "rgbd/synthetic/kitchen.h"
+#include "rgbd/pipeline/truth.h"
 
 namespace sherlog::rgbd {
 namespace {
@@ -37,20 +35,6 @@ std::map<std::size_t, std::size_t> visible(const TrueFrame& truth) {
   std::map<std::size_t, std::size_t> counts;
   for (const std::uint16_t entity : truth.entities) ++counts[entity];
   return counts;
-}
-
-// The entity that most of the thing's pixels show; nothing where it is no object.
-const Entity* entity_of(const Hypothesis& thing, const TrueFrame& truth) {
-  std::map<std::size_t, std::size_t> votes;
-  for (int y = 0; y < thing.roi.height; ++y) {
-    for (int x = 0; x < thing.roi.width; ++x) {
-      if (thing.mask(y, x) != 0) ++votes[truth.entities(y + thing.roi.y, x + thing.roi.x)];
-    }
-  }
-  const auto most = std::ranges::max_element(votes, {}, [](const auto& vote) { return vote.second; });
-  if (most == votes.end() || most->first == 0) return nullptr;
-  const Entity& entity = truth.scene.entities[most->first - 1];
-  return entity.kind == EntityKind::kObject ? &entity : nullptr;
 }
 
 std::string first_text(const Cluster& cluster, const char* type, const char* field) {
@@ -155,58 +139,6 @@ void print(const Score& score) {
              text_of("class", score.classes), text_of("belief", score.belief), score.identities, score.things);
 }
 
-// A table on which after each frame one thing is moved, taken away or put (back) there.
-struct RandomKitchen {
-  struct Placed {
-    std::size_t kind;
-    Eigen::Vector3d foot;
-    double heading;
-  };
-  std::vector<std::vector<Placed>> steps;
-  std::mt19937_64 random;
-
-  explicit RandomKitchen(std::uint64_t seed, std::size_t count) : random(seed) {
-    std::vector<std::size_t> kinds(things().size());
-    std::iota(kinds.begin(), kinds.end(), 0U);
-    for (std::size_t i = kinds.size() - 1; i > 0; --i) std::swap(kinds[i], kinds[random() % (i + 1)]);
-    std::vector<Placed> now;
-    for (std::size_t i = 0; i < 6; ++i) put(now, kinds[i]);
-    steps.push_back(now);
-    while (steps.size() < count) {
-      const std::size_t which = random() % kinds.size();
-      const auto at = std::ranges::find(now, kinds[which], &Placed::kind);
-      const bool is_there = at != now.end();
-      if (is_there) now.erase(at);
-      if (!is_there || random() % 10 < 6) put(now, kinds[which]);
-      steps.push_back(now);
-    }
-  }
-  double unit() { return static_cast<double>(random() >> 11) * 0x1p-53; }
-  // At a place that nobody has, if there is one.
-  void put(std::vector<Placed>& now, std::size_t kind) {
-    for (int trial = 0; trial < 200; ++trial) {
-      const Placed placed{kind, {-0.45 + 0.9 * unit(), 0.95 + 0.45 * unit(), kTableHeight}, 3 * unit() - 1.5};
-      const bool is_free = std::ranges::all_of(now, [&](const Placed& other) {
-        const double reach = (things()[kind].size.head<2>().norm() + things()[other.kind].size.head<2>().norm()) / 2;
-        return (placed.foot - other.foot).norm() > reach + 0.02;
-      });
-      if (is_free) return now.push_back(placed);
-    }
-  }
-  SyntheticSequence sequence(std::uint64_t seed) const {
-    const auto story = [all = steps](double t) {
-      rgbd::Scene scene;
-      for (const Placed& placed : all[static_cast<std::size_t>(std::lround(t * static_cast<double>(all.size() - 1)))]) {
-        const Thing& thing = things()[placed.kind];
-        add_thing(scene, thing, thing.object_class, placed.foot, placed.heading, false);
-      }
-      return scene;
-    };
-    return SyntheticSequence(fmt::format("kitchen {}", seed), kinect_calibration(),
-                             look_at({0, 0.20, 1.42}, {0, 1.16, 0.78}), steps.size(), table_room(), story, {}, seed);
-  }
-};
-
 TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
   Score score;
   for (const char* name : {"table_moves", "table_removals", "table_occlusion"}) {
@@ -226,7 +158,7 @@ TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
 TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
   Score score;
   for (std::uint64_t seed = 11; seed <= 18; ++seed) {
-    follow(RandomKitchen(seed, 8).sequence(seed), 1, score);
+    follow(*make_sequence("random_kitchen", {.seed = seed}), 1, score);
     if (HasFatalFailure()) return;
   }
   print(score);
