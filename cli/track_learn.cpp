@@ -1,14 +1,16 @@
-// sherlog track learn: the free parameters of the identity model, from simulated training trials.
+// sherlog track learn: the free parameters of the identity model, from simulated training trials or from labelled scenes.
 #include <fmt/format.h>
 
 #include <array>
 #include <memory>
 
 #include "cli/output.h"
+#include "cli/scenes.h"
 #include "cli/table.h"
 #include "cli/track_commands.h"
 #include "cli/track_options.h"
 #include "perception_bridge/identity_learning.h"
+#include "perception_bridge/scene_learning.h"
 
 namespace sherlog::cli {
 namespace {
@@ -17,16 +19,28 @@ struct TrackLearnArguments {
   Options options;
   TrackOptions track;
   std::string output, method = "dpll";
+  std::vector<std::string> scenes;  // stores
+  std::string mapping = "perception", mapping_output;
 };
 
-constexpr std::array<const char*, 6> kNames = {"stay",     "move",          "newview",
-                                               "appeared", "gone, in view", "unmatched, out of view"};
+std::string weights_text(const IdentityWeights& weights) {
+  Table table({{"what", Align::kLeft}, {"weight", Align::kRight}});
+  for (std::size_t i = 0; i < weights.size(); ++i)
+    table.add_row({kIdentityWeightNames[i], fmt::format("{:.4f}", weights[i])});
+  return table.text();
+}
+
+Json weights_json(const IdentityWeights& weights) {
+  Json json;
+  for (std::size_t i = 0; i < weights.size(); ++i) json[kIdentityWeightNames[i]] = weights[i];
+  return json;
+}
 
 int learn(Session& session, const TrackLearnArguments& arguments) {
   const auto config = read_config(session, arguments.track);
   if (!config) return kBadInput;
   IdentityTraining training = identity_training(session, arguments.track, *config);
-  training.method = arguments.method;
+  training.how.method = arguments.method;
   const LearnedIdentity learned = learn_identity(training, session.monitor());
   if (learned.termination != Termination::kCompleted)
     return session.error(learned.message), exit_code(learned.termination);
@@ -34,14 +48,11 @@ int learn(Session& session, const TrackLearnArguments& arguments) {
   if (const auto problem = write_to(arguments.output, learned.model)) return session.error(*problem), kInternalError;
   std::string text;
   if (arguments.output != "-") {
-    Table table({{"what", Align::kLeft}, {"weight", Align::kRight}});
-    for (std::size_t i = 0; i < kNames.size(); ++i)
-      table.add_row({kNames[i], fmt::format("{:.4f}", learned.weights[i])});
     text = fmt::format(
         "{} training trials, noise {}; {}, {} iterations ({:.2f} s)\n\n{}\nsigma of colours {:.5f}, of positions "
         "{:.5f}\n",
-        training.trials, config->noise, arguments.method, learned.iterations, learned.seconds, table.text(),
-        learned.grading.sigma_color, learned.grading.sigma_position);
+        training.trials, config->noise, arguments.method, learned.iterations, learned.seconds,
+        weights_text(learned.weights), learned.grading.sigma_color, learned.grading.sigma_position);
   }
   return session.finish(kDone, text, [&] {
     Json json;
@@ -51,7 +62,7 @@ int learn(Session& session, const TrackLearnArguments& arguments) {
     json["trials"] = training.trials;
     json["objective"] = learned.objective;
     json["iterations"] = learned.iterations;
-    for (std::size_t i = 0; i < kNames.size(); ++i) json["weights"][kNames[i]] = learned.weights[i];
+    json["weights"] = weights_json(learned.weights);
     json["sigma"] = {{"color", learned.grading.sigma_color}, {"position", learned.grading.sigma_position}};
     json["config"] = config_json(*config);
     json["seconds"] = {{"total", learned.seconds}};
@@ -59,10 +70,83 @@ int learn(Session& session, const TrackLearnArguments& arguments) {
   });
 }
 
+// Each store is a recording.
+std::optional<SceneTraining> read_training(Session& session, const TrackLearnArguments& arguments) {
+  auto mapping = read_mapping(session, arguments.mapping);
+  if (!mapping) return std::nullopt;
+  SceneTraining training;
+  training.mapping = std::move(*mapping);
+  training.how.method = arguments.method;
+  training.how.threads = session.options().threads;
+  for (const std::string& path : arguments.scenes) {
+    StoreChoice choice;
+    choice.path = path;
+    auto store = open_store(session, choice, {.read_only = true});
+    if (!store) return std::nullopt;
+    std::vector<Scene>& recording = training.recordings.emplace_back();
+    store->for_each_scene({}, [&](const Scene& scene) { return recording.push_back(scene), true; });
+    if (!store->problem().empty()) return session.error(store->problem()), std::nullopt;
+  }
+  training.how.max_seconds = session.seconds_left();
+  return training;
+}
+
+std::string sigmas_text(const SimilarityConfig& before, const SimilarityConfig& after) {
+  Table table({{"type", Align::kLeft}, {"sigma before", Align::kRight}, {"sigma", Align::kRight}});
+  for (std::size_t i = 0; i < after.rules.size(); ++i) {
+    table.add_row({after.rules[i].type, fmt::format("{:.4g}", before.rules[i].sigma),
+                   fmt::format("{:.4g}", after.rules[i].sigma)});
+  }
+  return table.text();
+}
+
+int learn_scenes(Session& session, const TrackLearnArguments& arguments) {
+  const auto training = read_training(session, arguments);
+  if (!training) return kBadInput;
+  const LearnedScenes learned = learn_from_scenes(*training, session.monitor());
+  if (learned.termination != Termination::kCompleted)
+    return session.error(learned.message), exit_code(learned.termination);
+  const std::string mapping = json_text(mapping_to_json(learned.mapping), 2) + "\n";
+  if (!arguments.mapping_output.empty()) {
+    if (const auto problem = write_to(arguments.mapping_output, mapping))
+      return session.error(*problem), kInternalError;
+  }
+  if (const auto problem = write_to(arguments.output, learned.model)) return session.error(*problem), kInternalError;
+  std::string text;
+  if (arguments.output != "-") {
+    text = fmt::format(
+        "{} recordings, {} steps, {} pairs of one thing, {} of two; {}, {} iterations\n\n{}\nmean log-likelihood of "
+        "a pair's looks {:.5f}, before {:.5f}\n{}",
+        training->recordings.size(), learned.steps, learned.same_pairs, learned.other_pairs, arguments.method,
+        learned.iterations, weights_text(learned.weights), learned.log_likelihood, learned.log_likelihood_before,
+        sigmas_text(training->mapping.similarity, learned.mapping.similarity));
+  }
+  return session.finish(kDone, text, [&] {
+    Json json{{"schema", "sherlog.track.learn/1"},
+              {"termination", to_string(learned.termination)},
+              {"method", arguments.method},
+              {"recordings", training->recordings.size()},
+              {"steps", learned.steps},
+              {"pairs", {{"same", learned.same_pairs}, {"other", learned.other_pairs}}},
+              {"objective", learned.objective},
+              {"iterations", learned.iterations},
+              {"log_likelihood_before", learned.log_likelihood_before},
+              {"log_likelihood", learned.log_likelihood},
+              {"weights", weights_json(learned.weights)},
+              {"sigma", Json::object()}};
+    for (const SimilarityRule& rule : learned.mapping.similarity.rules) json["sigma"][rule.type] = rule.sigma;
+    return to_text(json);
+  });
+}
+
 int run_learn(const TrackLearnArguments& arguments) {
   Session session(arguments.options);
-  if (!session.check_options({arguments.output})) return kBadInput;
-  return session.run("sherlog.track.learn/1", [&] { return learn(session, arguments); });
+  std::vector<std::string> outputs = {arguments.output};
+  if (!arguments.mapping_output.empty()) outputs.push_back(arguments.mapping_output);
+  if (!session.check_options(outputs)) return kBadInput;
+  return session.run("sherlog.track.learn/1", [&] {
+    return arguments.scenes.empty() ? learn(session, arguments) : learn_scenes(session, arguments);
+  });
 }
 
 }  // namespace
@@ -70,7 +154,7 @@ int run_learn(const TrackLearnArguments& arguments) {
 void add_track_learn(CLI::App& track, Action& action) {
   auto arguments = std::make_shared<TrackLearnArguments>();
   CLI::App* command = track.add_subcommand(
-      "learn", "How often things happen and how exact the sensor is, learned from simulated training trials");
+      "learn", "How often things happen and how exact the sensor is, learned from simulated trials or labelled scenes");
   add_world_file_options(*command, arguments->track);
   add_training_trials_option(*command, arguments->track);
   command->add_option("--noise", arguments->track.noise, "Sigma of positions (metres) and colours (default 0.05)")
@@ -81,6 +165,21 @@ void add_track_learn(CLI::App& track, Action& action) {
   command->add_option("-o,--output", arguments->output, "Where the model goes; '-': standard output")
       ->type_name("FILE|-")
       ->required();
+  CLI::Option* scenes = command
+                            ->add_option("--scenes", arguments->scenes,
+                                         "Learn from labelled scenes instead: stores, each a recording in which a "
+                                         "thing keeps its name")
+                            ->type_name("STORE..");
+  command
+      ->add_option("--mapping", arguments->mapping,
+                   "With --scenes: how clusters are compared to begin with (default perception)")
+      ->type_name("identity|perception|FILE")
+      ->needs(scenes);
+  command
+      ->add_option("--mapping-output", arguments->mapping_output,
+                   "With --scenes: where the mapping with the learned spreads goes")
+      ->type_name("FILE")
+      ->needs(scenes);
   add_common_options(*command, arguments->options);
   command->callback([arguments, &action] { action = [arguments] { return run_learn(*arguments); }; });
 }

@@ -68,8 +68,8 @@ IdentityTraining identity_training(Session& session, const TrackOptions& options
   training.config = config;
   training.trials = options.training_trials;
   training.seed ^= session.options().seed;
-  training.threads = session.options().threads;
-  training.max_seconds = session.seconds_left();
+  training.how.threads = session.options().threads;
+  training.how.max_seconds = session.seconds_left();
   return training;
 }
 

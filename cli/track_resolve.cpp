@@ -198,8 +198,9 @@ int run_resolve(Options options, const Resolving& resolving) {
 }  // namespace
 
 std::optional<Model> identity_model(Session& session, const std::string& name) {
-  auto model = name == "paper" ? parse_model(paper_identity_model(), "table1.mln", session.diagnostics())
-                               : parse_model_files({name}, session.diagnostics());
+  auto model = name == "paper"    ? parse_model(paper_identity_model(), "table1.mln", session.diagnostics())
+               : name == "scenes" ? parse_model(scenes_identity_model(), "scenes.mln", session.diagnostics())
+                                  : parse_model_files({name}, session.diagnostics());
   session.print_diagnostics();
   return model;
 }
@@ -210,8 +211,10 @@ void add_track_resolve(CLI::App& track, Action& action) {
   CLI::App* command =
       track.add_subcommand("resolve", "Who is who in the scenes of a store: goes on where the last run ended");
   add_store_option(*command, resolving->store);
-  command->add_option("--model", resolving->model, "paper: Table 1; or a file with its predicates (default paper)")
-      ->type_name("paper|FILE");
+  command
+      ->add_option("--model", resolving->model,
+                   "paper: Table 1; scenes: with learned weights; or a file with its predicates (default paper)")
+      ->type_name("paper|scenes|FILE");
   command
       ->add_option("--mapping", resolving->mapping,
                    "How clusters are compared: a shipped mapping or a JSON file (default identity)")

@@ -105,7 +105,7 @@ int main(int argc, char** argv) {
   const std::string frames = argc > 2 ? argv[2] : "synthetic:table_removals";
   const auto source = rgbd::open_frames(frames, 1, problem);
   Diagnostics diagnostics;
-  auto model = parse_model(paper_identity_model(), "table1.mln", diagnostics);
+  auto model = parse_model(scenes_identity_model(), "scenes.mln", diagnostics);
   rgbd::PerceptionOptions options{.request = rgbd::Request{}, .also = {"filled", "foreground"}};
   auto perception =
       source ? rgbd::Perception::make(rgbd::object_annotators(source->knowledge), options, problem) : std::nullopt;

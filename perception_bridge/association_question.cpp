@@ -97,10 +97,7 @@ AssociationQuestion::Answer AssociationQuestion::ask(const std::string& evidence
 std::vector<bool> out_of_view_of(std::span<const Cluster> olds, const Scene& now) {
   const SceneView view = view_of(now);
   std::vector<bool> out;
-  for (const Cluster& old : olds) {
-    const auto position = position_of(old);
-    out.push_back(position && !sees(view, *position));
-  }
+  for (const Cluster& old : olds) out.push_back(!sees_thing(view, old));
   return out;
 }
 

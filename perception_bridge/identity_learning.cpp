@@ -1,20 +1,12 @@
 #include "perception_bridge/identity_learning.h"
 
-#include <fmt/format.h>
-
-#include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <iterator>
 
-#include "mln/evidence.h"
 #include "perception_bridge/shipped_models.h"
 
 namespace sherlog {
 namespace {
-
-constexpr double kLeastOdds = -20, kMostOdds = 43, kStep = 0.125;  // what nine bits of learning.mln hold
-constexpr std::size_t kBits = 9;
 
 // Mean squares of what differs between the two looks at an object that stayed where and what it was.
 struct Differences {
@@ -44,30 +36,17 @@ struct Differences {
   static bool inside(double x, double most) { return x > 0 && x < most; }
 };
 
-void write_bits(std::string& text, const char* predicate, std::size_t o, std::size_t n, double grade) {
-  const double odds = std::clamp(std::log(grade / (1 - grade)), kLeastOdds, kMostOdds);
-  const auto number = static_cast<std::uint32_t>(std::lround((odds - kLeastOdds) / kStep));
-  for (std::size_t bit = 0; bit < kBits; ++bit) {
-    if ((number >> bit & 1u) != 0)
-      fmt::format_to(std::back_inserter(text), "{}(O{},N{},B{})\n", predicate, o + 1, n + 1, bit);
-  }
-}
-
-std::string training_database(const FourTablesTrial& trial, const Grading& grading) {
-  std::string text;
-  const auto out = std::back_inserter(text);
+KnownStep known_step(const FourTablesTrial& trial, const Grading& grading) {
+  KnownStep step;
   for (std::size_t o = 0; o < trial.old_clusters.size(); ++o) {
-    const Observation& old = trial.old_clusters[o];
-    if (old.place_in_view) fmt::format_to(out, "seesPlace(O{})\n", o + 1);
+    step.in_view.push_back(trial.old_clusters[o].place_in_view);
     for (std::size_t n = 0; n < trial.new_clusters.size(); ++n) {
       const bool same = trial.truth.association[n] == static_cast<std::uint32_t>(o);
-      fmt::format_to(out, "is(O{},N{},{})\n", o + 1, n + 1, same ? to_string(trial.truth.explanation[o]) : "not");
-      const PairGrade grade = grade_pair(old, trial.new_clusters[n], trial, grading);
-      write_bits(text, "similarOdds", o, n, grade.similar);
-      write_bits(text, "proximityOdds", o, n, grade.proximity);
+      step.truth.push_back(same ? to_string(trial.truth.explanation[o]) : "not");
+      step.grades.push_back(grade_pair(trial.old_clusters[o], trial.new_clusters[n], trial, grading));
     }
   }
-  return text;
+  return step;
 }
 
 LearnedIdentity failed(Termination termination, std::string message) {
@@ -78,24 +57,6 @@ LearnedIdentity failed(Termination termination, std::string message) {
 }
 
 }  // namespace
-
-std::string with_identity_weights(std::string_view model, const std::array<double, 6>& weights) {
-  // The weighted formulas are the last six lines.
-  std::vector<std::string> lines;
-  for (std::size_t begin = 0; begin < model.size();) {
-    const std::size_t end = std::min(model.find('\n', begin), model.size());
-    lines.emplace_back(model.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  std::string text;
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    if (i + weights.size() >= lines.size()) {
-      lines[i] = fmt::format("{}{}", weights[i + weights.size() - lines.size()], lines[i].substr(lines[i].find(' ')));
-    }
-    text += lines[i] + "\n";
-  }
-  return text;
-}
 
 LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monitor) {
   const auto start = std::chrono::steady_clock::now();
@@ -117,29 +78,12 @@ LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monito
   out.grading.sigma_color = std::sqrt(differences.color / static_cast<double>(differences.colors) / 2);
   out.grading.sigma_position = std::sqrt(differences.position / static_cast<double>(differences.positions) / 2);
 
-  Diagnostics diagnostics;
-  const auto model = parse_model(identity_learning_model(), "learning.mln", diagnostics);
-  if (!model) return failed(Termination::kRefused, "learning.mln is not a model");
-  std::string text;
-  for (const FourTablesTrial& trial : trials) {
-    if (trial.new_clusters.empty() || trial.old_clusters.empty()) continue;  // they say nothing about pairs
-    if (!text.empty()) text += "---\n";
-    text += training_database(trial, out.grading);
-  }
-  const auto databases = parse_evidence(*model, text, "training", diagnostics);
-  if (!databases) return failed(Termination::kRefused, "the training data is not evidence");
-  LearningOptions options;
-  options.method = training.method;
-  options.threads = training.threads;
-  options.max_seconds = training.max_seconds;
-  options.discriminative.push_back(*model->find_predicate("is"));
-  const LearningResult learned = learn(*model, *databases, options, monitor);
-  if (learned.termination != Termination::kCompleted || learned.weights.size() < out.weights.size()) {
-    return failed(learned.termination, "learning: " + learned.message);
-  }
-  const std::size_t first = learned.weights.size() - out.weights.size();
-  for (std::size_t i = 0; i < out.weights.size(); ++i) out.weights[i] = learned.weights[first + i].weight;
-  out.objective = learned.objective.value_or(0);
+  IdentityTrainingData data;
+  for (const FourTablesTrial& trial : trials) data.add(known_step(trial, out.grading));
+  const LearnedWeights learned = learn_identity_weights(data, training.how, monitor);
+  if (learned.termination != Termination::kCompleted) return failed(learned.termination, learned.message);
+  out.weights = learned.weights;
+  out.objective = learned.objective;
   out.iterations = learned.iterations;
   out.model = with_identity_weights(learned_identity_model(), out.weights);
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -6,13 +6,11 @@
 // Source    models/identity_resolution/learned.mln (what is learned) and learning.mln (how the learner sees it)
 #pragma once
 
-#include <array>
-#include <limits>
 #include <string>
 
-#include "learning/learn.h"
 #include "perception_bridge/four_tables.h"
 #include "perception_bridge/identity_resolver.h"
+#include "perception_bridge/identity_weights.h"
 
 namespace sherlog {
 
@@ -21,25 +19,20 @@ struct IdentityTraining {
   std::vector<std::uint32_t> actions = {1, 2, 3, 4, 5};  // dealt to the trials in turn
   std::uint64_t trials = 1000;
   std::uint64_t seed = 0x747261696e000000;  // evaluate on another
-  std::string method = "dpll";              // of the learner
-  std::uint32_t threads = 0;
-  double max_seconds = std::numeric_limits<double>::infinity();
+  WeightLearning how;
 };
 
 struct LearnedIdentity {
   Termination termination = Termination::kCompleted;
-  std::string message;              // where not completed
-  Grading grading;                  // kOdds
-  std::array<double, 6> weights{};  // in the order of learned.mln's last formulas
-  std::string model;                // learned.mln with these weights
+  std::string message;        // where not completed
+  Grading grading;            // kOdds
+  IdentityWeights weights{};  // in the order of learned.mln's last formulas
+  std::string model;          // learned.mln with these weights
   double objective = 0.0;
   std::uint32_t iterations = 0;
   double seconds = 0.0;
 };
 
 LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monitor);
-
-// learned.mln's text with other weights.
-std::string with_identity_weights(std::string_view model, const std::array<double, 6>& weights);
 
 }  // namespace sherlog

@@ -171,8 +171,7 @@ SceneObservation observe_change(const EvidenceMapping& mapping, std::span<const 
   if (mapping.out_of_view.empty()) return result;
   const SceneView view = view_of(now);
   for (std::size_t o = 0; o < old_clusters.size(); ++o) {
-    const auto position = position_of(old_clusters[o]);
-    if (position && !sees(view, *position)) result.atoms.push_back({mapping.out_of_view, {olds[o]}, 1, false});
+    if (!sees_thing(view, old_clusters[o])) result.atoms.push_back({mapping.out_of_view, {olds[o]}, 1, false});
   }
   return result;
 }

@@ -266,7 +266,7 @@ std::optional<ScenePosition> position_at(const std::vector<const Value*>& values
   for (const Value* value : values) {
     auto numbers = numbers_of(*value);
     if (!numbers || numbers->size() < 2 || numbers->size() > 3) continue;
-    ScenePosition position{std::move(*numbers), {}};
+    ScenePosition position{std::move(*numbers), {}, {}};
     if (frame != nullptr && frame->text() != nullptr) position.frame = *frame->text();
     return position;
   }
@@ -281,6 +281,9 @@ std::optional<ScenePosition> pose_position(const Cluster& cluster) {
       if (const Value* inner = stamped->find("rs.tf.StampedPose")) stamped = inner;
       if (auto position = position_at(select(*stamped, "/translation"), stamped->find("frame"))) {
         if (position->frame.empty()) position->frame = pose->frame.value_or("");
+        if (const Value* rotation = stamped->find("rotation"))
+          position->rotation = numbers_of(*rotation).value_or(std::vector<double>());
+        if (position->rotation.size() != 4) position->rotation.clear();
         return position;
       }
     }

@@ -66,8 +66,9 @@ std::string_view text_field(const Annotation& annotation, std::string_view field
 // Where the cluster is: the centre of its pose in the world, else in its camera's frame; else of its location; else of its
 // points. Nothing where no annotation says it.
 struct ScenePosition {
-  std::vector<double> coordinates;  // metres: 2 or 3
-  std::string frame;                // empty: not said
+  std::vector<double> coordinates;    // metres: 2 or 3
+  std::string frame;                  // empty: not said
+  std::vector<double> rotation = {};  // of a pose: the quaternion x, y, z, w; else empty
 };
 std::optional<ScenePosition> position_of(const Cluster& cluster);
 // The name of the place: of a TFLocation, else of a location.

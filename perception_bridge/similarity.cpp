@@ -129,23 +129,49 @@ std::optional<double> category_distance(const SimilarityRule& rule, const Cluste
 
 // --- learning ---
 
-double log_likelihood(const SimilarityConfig& config, const std::vector<LabelledPair>& pairs) {
-  double sum = 0;
-  for (const LabelledPair& pair : pairs) {
-    double logarithms = 0;
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < config.rules.size(); ++i) {
-      if (!pair.distances[i]) continue;
-      const double value = kernel_value(config.rules[i].kernel, *pair.distances[i], config.rules[i].sigma);
-      logarithms += std::log(std::max(value, std::numeric_limits<double>::min()));
-      ++count;
+// Every pair's similarity while one sigma after the other is changed.
+class PairLikelihood {
+ public:
+  PairLikelihood(const SimilarityConfig& config, const std::vector<LabelledPair>& pairs)
+      : pairs_(pairs), logarithms_(config.rules.size(), std::vector<double>(pairs.size(), 0.0)), sums_(pairs.size()) {
+    for (const LabelledPair& pair : pairs) {
+      counts_.push_back(
+          static_cast<double>(std::ranges::count_if(pair.distances, [](const auto& d) { return d.has_value(); })));
     }
-    if (count == 0) continue;
-    const double s = std::clamp(std::exp(logarithms / static_cast<double>(count)), kLeastDegree, 1 - kLeastDegree);
-    sum += std::log(pair.same ? s : 1 - s);
+    for (std::size_t i = 0; i < config.rules.size(); ++i) set(i, config.rules[i]);
   }
-  return sum / static_cast<double>(pairs.size());
-}
+
+  void set(std::size_t i, const SimilarityRule& rule) {
+    for (std::size_t p = 0; p < pairs_.size(); ++p) {
+      const double logarithm = logarithm_of(p, i, rule);
+      sums_[p] += logarithm - logarithms_[i][p];
+      logarithms_[i][p] = logarithm;
+    }
+  }
+
+  // The mean, as if rule i were that one.
+  double with(std::size_t i, const SimilarityRule& rule) const {
+    double sum = 0;
+    for (std::size_t p = 0; p < pairs_.size(); ++p) {
+      if (counts_[p] == 0) continue;
+      const double logarithms = sums_[p] - logarithms_[i][p] + logarithm_of(p, i, rule);
+      const double s = std::clamp(std::exp(logarithms / counts_[p]), kLeastDegree, 1 - kLeastDegree);
+      sum += std::log(pairs_[p].same ? s : 1 - s);
+    }
+    return sum / static_cast<double>(pairs_.size());
+  }
+
+ private:
+  double logarithm_of(std::size_t p, std::size_t i, const SimilarityRule& rule) const {
+    const auto& distance = pairs_[p].distances[i];
+    if (!distance) return 0;
+    return std::log(std::max(kernel_value(rule.kernel, *distance, rule.sigma), std::numeric_limits<double>::min()));
+  }
+
+  const std::vector<LabelledPair>& pairs_;
+  std::vector<std::vector<double>> logarithms_;  // of the kernels' values, by rule and pair
+  std::vector<double> sums_, counts_;            // by pair
+};
 
 // The best x in [low, high] of a function that may have several peaks: a grid, then golden sections around its best point.
 double maximise(const std::function<double(double)>& f, double low, double high) {
@@ -338,7 +364,8 @@ LabelledPair labelled_pair(const SimilarityConfig& config, const Cluster& a, con
   return pair;
 }
 
-SigmaLearning learn_sigmas(const SimilarityConfig& config, const std::vector<LabelledPair>& pairs) {
+SigmaLearning learn_sigmas(const SimilarityConfig& config, const std::vector<LabelledPair>& pairs,
+                           double prior_deviation) {
   SigmaLearning result;
   result.config = config;
   result.pair_counts.assign(config.rules.size(), 0);
@@ -347,28 +374,39 @@ SigmaLearning learn_sigmas(const SimilarityConfig& config, const std::vector<Lab
   for (const LabelledPair& pair : pairs) {
     for (std::size_t i = 0; i < config.rules.size(); ++i) result.pair_counts[i] += pair.distances[i] ? 1u : 0u;
   }
-  result.before = result.after = log_likelihood(config, pairs);
+  if (config.rules.empty()) return result;
+  PairLikelihood likelihood(config, pairs);
+  result.before = likelihood.with(0, config.rules[0]);
+  // Of a mean, so that the prior weighs as much as it does beside the sum.
+  const auto prior = [&](std::size_t i, double sigma) {
+    const double z = std::log(sigma / config.rules[i].sigma) / prior_deviation;
+    return -0.5 * z * z / static_cast<double>(pairs.size());
+  };
+  double best_objective = result.before;
   constexpr int kMostRounds = 50;
   for (int round = 0; round < kMostRounds; ++round) {
-    const double before = result.after;
+    const double before = best_objective;
     for (std::size_t i = 0; i < config.rules.size(); ++i) {
       if (result.pair_counts[i] == 0) continue;
-      SimilarityConfig trial = result.config;
-      const double best = maximise(
-          [&](double log_sigma) {
-            trial.rules[i].sigma = std::exp(log_sigma);
-            return log_likelihood(trial, pairs);
-          },
-          std::log(1e-3), std::log(1e3));
-      trial.rules[i].sigma = std::exp(best);
-      const double value = log_likelihood(trial, pairs);
-      if (value > result.after) {
-        result.config.rules[i].sigma = trial.rules[i].sigma;
-        result.after = value;
+      SimilarityRule rule = result.config.rules[i];
+      double others = 0;
+      for (std::size_t j = 0; j < config.rules.size(); ++j) {
+        if (j != i) others += prior(j, result.config.rules[j].sigma);
+      }
+      const auto objective = [&](double log_sigma) {
+        rule.sigma = std::exp(log_sigma);
+        return likelihood.with(i, rule) + others + prior(i, rule.sigma);
+      };
+      const double best = maximise(objective, std::log(1e-3), std::log(1e3));
+      if (const double value = objective(best); value > best_objective) {
+        best_objective = value;
+        result.config.rules[i] = rule;
+        likelihood.set(i, rule);
       }
     }
-    if (result.after - before < 1e-10) break;
+    if (best_objective - before < 1e-10) break;
   }
+  result.after = likelihood.with(0, result.config.rules[0]);
   return result;
 }
 

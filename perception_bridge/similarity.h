@@ -15,6 +15,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -91,6 +92,9 @@ struct SigmaLearning {
   std::string problem;                     // not empty: nothing was learned
 };
 
-SigmaLearning learn_sigmas(const SimilarityConfig& config, const std::vector<LabelledPair>& pairs);
+// `prior_deviation` of the logarithm of a sigma, around the one to begin with: a finite one keeps what few pairs say, or say of
+// no use, near it.
+SigmaLearning learn_sigmas(const SimilarityConfig& config, const std::vector<LabelledPair>& pairs,
+                           double prior_deviation = std::numeric_limits<double>::infinity());
 
 }  // namespace sherlog

@@ -122,6 +122,7 @@ TEST(ShippedModels, AreTheFilesOfTheModelsFolder) {
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
   EXPECT_EQ(paper_identity_model(), file("table1.mln"));
+  EXPECT_EQ(scenes_identity_model(), file("scenes.mln"));
   EXPECT_EQ(learned_identity_model(), file("learned.mln"));
   EXPECT_EQ(identity_learning_model(), file("learning.mln"));
 }

@@ -1,8 +1,10 @@
 #include "perception_bridge/observe.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <random>
 
@@ -14,9 +16,11 @@
 namespace sherlog {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 Value json(const std::string& text) {
   std::string problem;
@@ -193,6 +197,101 @@ TEST(View, OtherFramesAreOutOfViewAndNoViewSeesEverything) {
   EXPECT_FALSE(sees(box, {{0.5, 0.5}, "table2"}));
   EXPECT_TRUE(sees(SceneView{}, {{0.5, 0.5}, "table2"}));
   EXPECT_FALSE(sees(SceneView{{}, {box}}, {{0.5, 0.5}, "table2"}));
+}
+
+Cluster thing_at(const std::string& id, const Eigen::Vector3d& middle, const Eigen::Vector3d& size,
+                 double heading = 0) {
+  return cluster_of(fmt::format(
+      R"({{"id": "{}", "rs.annotation.Geometry": [{{"size": [{}, {}, {}]}}],
+          "rs.annotation.PoseAnnotation": [{{"world": {{"rs.tf.StampedPose": {{"frame": "map",
+              "rotation": [0, 0, {}, {}], "translation": [{}, {}, {}]}}}}}}]}})",
+      id, size[0], size[1], size[2], std::sin(heading / 2), std::cos(heading / 2), middle[0], middle[1], middle[2]));
+}
+
+// A camera at the origin that looks along y (right is x, down is -z), with a half angle of 0.6.
+ViewFrustum camera_along_y() {
+  ViewFrustum frustum;
+  frustum.frame = "map";
+  frustum.rotation = {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)};
+  frustum.horizontal_angle = frustum.vertical_angle = 1.2;
+  return frustum;
+}
+
+TEST(View, WhatIsWhollyBehindAThingIsOutOfView) {
+  const Cluster cup = thing_at("cup", {0, 2, 0}, {0.08, 0.08, 0.1});
+  const auto sees_cup = [&](std::vector<Cluster> things) {
+    SceneView view{{camera_along_y()}, {}};
+    for (const Cluster& thing : things) view.things.push_back(*box_of(thing));
+    return sees_thing(view, cup);
+  };
+  const Cluster carton = thing_at("carton", {0, 1, 0}, {0.3, 0.1, 0.3}, 0.2);
+  EXPECT_TRUE(sees_cup({}));
+  EXPECT_FALSE(sees_cup({carton}));
+  EXPECT_TRUE(sees_cup({thing_at("behind", {0, 3, 0}, {0.9, 0.1, 0.9})}));
+  EXPECT_TRUE(sees_cup({thing_at("beside", {0.2, 1, 0}, {0.3, 0.1, 0.3})})) << "half of the cup looks out";
+  EXPECT_TRUE(sees_cup({thing_at("low", {0, 1, -0.15}, {0.3, 0.1, 0.3})})) << "its top looks out";
+  EXPECT_FALSE(
+      sees_cup({thing_at("left", {-0.15, 1, 0}, {0.32, 0.1, 0.3}), thing_at("right", {0.15, 1, 0}, {0.32, 0.1, 0.3})}));
+  EXPECT_TRUE(sees_cup({thing_at("in its place", {0, 1.98, 0}, {0.2, 0.2, 0.2})})) << "its place is seen";
+  EXPECT_TRUE(sees_cup({carton, cup})) << "something is seen in its place";
+}
+
+// The oracle looks along many rays and asks each whether it meets the box nearer than the thing.
+TEST(View, CoveringAgreesWithRays) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  int covered = 0, clear = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const Eigen::Vector3d at(0.3 * uniform(random), 1.2 + 0.2 * uniform(random), 0.3 * uniform(random));
+    const Eigen::Vector3d size(0.2 + 0.15 * uniform(random), 0.2 + 0.15 * uniform(random),
+                               0.2 + 0.15 * uniform(random));
+    const double heading = 1.5 * uniform(random);
+    const Eigen::Vector3d middle(0.3 * uniform(random), 2 + 0.2 * uniform(random), 0.3 * uniform(random));
+    const Cluster thing = thing_at("thing", middle, {0.1, 0.1, 0.1});
+    SceneView view{{camera_along_y()}, {}};
+    view.things.push_back(*box_of(thing_at("box", at, size, heading)));
+    // How much of the thing, a little larger or smaller than it is, is behind a box that is a little smaller or larger.
+    const auto hidden = [&](double grow_thing, double grow_box) {
+      const auto back = Eigen::AngleAxisd(-heading, Eigen::Vector3d::UnitZ()) * Eigen::Translation3d(-at);
+      int all = 0, behind = 0;
+      for (int k = 0; k < 27; ++k) {
+        const Eigen::Vector3d unit((k % 3) / 2.0 - 0.5, (k / 3 % 3) / 2.0 - 0.5, (k / 9) / 2.0 - 0.5);
+        const Eigen::Vector3d point = middle + grow_thing * 0.1 * unit;
+        bool meets = false;
+        for (int step = 0; step <= 800 && !meets; ++step) {
+          const Eigen::Vector3d on_ray = back * (point * (step / 800.0));
+          meets = ((on_ray.cwiseAbs() - size / 2).array() <= grow_box).all();
+        }
+        ++all;
+        behind += meets ? 1 : 0;
+      }
+      return static_cast<double>(behind) / all;
+    };
+    if (!sees_thing(view, thing)) {
+      ++covered;
+      if (covered > 30) continue;
+      EXPECT_EQ(hidden(0.75, 0.001), 1) << i;
+    } else if (++clear <= 30) {
+      EXPECT_LT(hidden(0.85, -0.012), 1) << i;
+    }
+  }
+  EXPECT_GT(covered, 100);
+  EXPECT_GT(clear, 100);
+}
+
+TEST(View, AThingBehindAnotherIsHiddenAndNotGone) {
+  Scene scene;
+  scene.id = "s";
+  const double turn = std::sqrt(0.5);
+  scene.annotations = cluster_of(fmt::format(R"({{"id": "c", "sherlog.annotation.ViewFrustum": [{{"frame": "map",
+      "translation": [0, 0, 0], "rotation": [{}, 0, 0, {}], "horizontal_angle": 1.2, "vertical_angle": 1.2}}]}})",
+                                             -turn, turn))
+                          .annotations;
+  scene.clusters = {thing_at("carton", {0, 1, 0}, {0.3, 0.1, 0.3})};
+  const std::vector<Cluster> olds = {thing_at("cup", {0, 2, 0}, {0.08, 0.08, 0.1}),
+                                     thing_at("milk", {0.6, 2, 0}, {0.08, 0.08, 0.1})};
+  EXPECT_THAT(evidence_text(observe_change(*shipped_mapping("identity"), olds, scene)),
+              AllOf(HasSubstr("outOfView(O0)"), Not(HasSubstr("outOfView(O1)"))));
 }
 
 // --- evidence ---
