@@ -2,8 +2,10 @@
 // built.
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <map>
 #include <memory>
+#include <new>
 
 #include "cli/output.h"
 #include "cli/scenes.h"
@@ -45,6 +47,35 @@ bool read_knowledge(Session& session, const char* option, const std::string& pat
   return true;
 }
 
+// The frames that are asked for, one after the other, until something ends it. `visit` gets what could be read.
+template <class Visit>
+Termination for_each_frame(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source,
+                           std::uint64_t& unreadable, const Visit& visit) {
+  const std::uint64_t end = arguments.last < source.frames ? arguments.last + 1 : source.frames;
+  for (std::uint64_t index = arguments.first; index < end; index += arguments.every) {
+    session.monitor().progress("frames", static_cast<double>(index), static_cast<double>(end));
+    if (session.monitor().interrupted()) return Termination::kInterrupted;
+    if (session.seconds_left() <= 0) return Termination::kTimeLimit;
+    try {
+      std::string problem;
+      const auto frame = source.read(index, problem);
+      if (!frame) {
+        ++unreadable;
+        session.warning(fmt::format("frame {}: {}", index, problem));
+        continue;
+      }
+      const Termination termination = visit(*frame, index);
+      if (termination != Termination::kCompleted) return termination;
+    } catch (const std::bad_alloc&) {
+      return Termination::kMemoryLimit;
+    } catch (const cv::Exception& error) {
+      if (error.code == cv::Error::StsNoMem) return Termination::kMemoryLimit;
+      throw;
+    }
+  }
+  return Termination::kCompleted;
+}
+
 std::optional<rgbd::Perception> make_perception(Session& session, const PerceiveArguments& arguments,
                                                 const rgbd::Knowledge& knowledge, const std::string& name) {
   rgbd::PerceptionOptions options;
@@ -55,6 +86,11 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   if (!arguments.query.empty()) {
     options.request = rgbd::parse_request(arguments.query, problem);
     if (!options.request) return session.error(fmt::format("--query: {}", problem)), std::nullopt;
+    const std::vector<std::string> types = options.request->types();
+    if (std::ranges::count(types, "rs.annotation.Classification") > 0 && knowledge.things.empty()) {
+      session.error("--query: which classes of things there may be is not known; --known FILE says it");
+      return std::nullopt;
+    }
   }
   // A store and evidence take all that can be found.
   if (!arguments.store.empty() || !arguments.evidence.empty()) options.request = rgbd::Request{};
@@ -79,7 +115,7 @@ void tell(const rgbd::Perceived& perceived, const std::optional<rgbd::Request>& 
   if (request) {
     const Value answer = rgbd::answer_to(*request, scene);
     tally.answers += answer.list()->size();
-    tally.text += fmt::format("frame {}, {:g} s: {} of {} things\n", frame, scene.timestamp, answer.list()->size(),
+    tally.text += fmt::format("frame {}, {:.3f} s: {} of {} things\n", frame, scene.timestamp, answer.list()->size(),
                               scene.clusters.size());
     for (const Value& designator : *answer.list()) tally.text += json_text(designator) + "\n";
     entry["things"] = scene.clusters.size();
@@ -133,6 +169,22 @@ std::string summary(const PerceiveArguments& arguments, const PerceiveTally& tal
   return text + "\n";
 }
 
+// False, and why: the store does not take the scene.
+bool keep_scene(const rgbd::Perceived& perceived, const PerceiveArguments& arguments, SceneStore& store,
+                PerceiveTally& tally, std::string& failure) {
+  if (perceived.reaching > 0 && !arguments.moving) return ++tally.moving, true;
+  if (std::ranges::any_of(perceived.runs, [](const auto& run) { return !run.problem.empty(); })) return true;
+  const auto added = store.add(perceived.scene, arguments.replace);
+  if (added == SceneStore::Added::kDuplicate) {
+    failure = fmt::format("the store has a scene '{}'; --replace replaces it, --prefix gives other names",
+                          perceived.scene.id);
+  } else if (added == SceneStore::Added::kFailed) {
+    failure = store.problem();
+  }
+  tally.stored += failure.empty() ? 1U : 0U;
+  return failure.empty();
+}
+
 // The frames one by one; what the store takes is committed by the caller.
 Termination perceive_frames(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source,
                             rgbd::Perception& perception, const std::optional<EvidenceMapping>& mapping,
@@ -140,42 +192,19 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
   std::optional<rgbd::Request> request;
   std::string problem;
   if (!arguments.query.empty()) request = rgbd::parse_request(arguments.query, problem);
-  const std::uint64_t end = arguments.last < source.frames ? arguments.last + 1 : source.frames;
-  for (std::uint64_t index = arguments.first; index < end; index += arguments.every) {
-    session.monitor().progress("frames", static_cast<double>(index), static_cast<double>(end));
-    if (session.monitor().interrupted()) return Termination::kInterrupted;
-    if (session.seconds_left() <= 0) return Termination::kTimeLimit;
-    const auto frame = source.read(index, problem);
-    if (!frame) {
-      ++tally.unreadable;
-      session.warning(fmt::format("frame {}: {}", index, problem));
-      continue;
-    }
-    ++tally.frames;
-    rgbd::Perceived perceived = perception.perceive(*frame, source.calibration, index);
-    if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
-    count_failures(session, perceived, index, tally);
-    tell(perceived, request, index, tally);
-    if (mapping) {
-      tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
-    }
-    if (store == nullptr) continue;
-    const bool has_failed = std::ranges::any_of(perceived.runs, [](const auto& run) { return !run.problem.empty(); });
-    if (perceived.reaching > 0 && !arguments.moving) {
-      ++tally.moving;
-    } else if (!has_failed) {
-      const auto added = store->add(perceived.scene, arguments.replace);
-      if (added == SceneStore::Added::kDuplicate) {
-        failure = fmt::format("the store has a scene '{}'; --replace replaces it, --prefix gives other names",
-                              perceived.scene.id);
-      } else if (added == SceneStore::Added::kFailed) {
-        failure = store->problem();
-      }
-      if (!failure.empty()) return Termination::kRefused;
-      ++tally.stored;
-    }
-  }
-  return Termination::kCompleted;
+  return for_each_frame(
+      session, arguments, source, tally.unreadable, [&](const rgbd::Frame& frame, std::uint64_t index) {
+        rgbd::Perceived perceived = perception.perceive(frame, source.calibration, index);
+        ++tally.frames;
+        if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
+        count_failures(session, perceived, index, tally);
+        tell(perceived, request, index, tally);
+        if (mapping) {
+          tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
+        }
+        return store == nullptr || keep_scene(perceived, arguments, *store, tally, failure) ? Termination::kCompleted
+                                                                                            : Termination::kRefused;
+      });
 }
 
 Json perceive_json(const PerceiveArguments& arguments, const rgbd::FrameSource& source,
@@ -193,38 +222,71 @@ Json perceive_json(const PerceiveArguments& arguments, const rgbd::FrameSource& 
   return json;
 }
 
+std::string ending(Termination termination) {
+  return termination == Termination::kCompleted ? "" : fmt::format("ended early: {}\n", to_string(termination));
+}
+
 int record_frames(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source) {
   rgbd::SequenceWriter writer(arguments.record, source.calibration);
-  std::uint64_t frames = 0;
-  const std::uint64_t end = arguments.last < source.frames ? arguments.last + 1 : source.frames;
-  for (std::uint64_t index = arguments.first; index < end; index += arguments.every) {
-    if (session.monitor().interrupted()) return session.error("interrupted"), kInterruptedExit;
-    std::string problem;
-    const auto frame = source.read(index, problem);
-    if (!frame) return session.error(fmt::format("frame {}: {}", index, problem)), kBadInput;
-    if (!writer.add(*frame)) return session.error(writer.problem()), kBadInput;
-    ++frames;
-  }
-  if (!writer.finish()) return session.error(writer.problem()), kBadInput;
-  return session.finish(kDone, fmt::format("{} frames recorded\n", frames), [&] {
+  std::uint64_t frames = 0, unreadable = 0;
+  const Termination termination =
+      for_each_frame(session, arguments, source, unreadable, [&](const rgbd::Frame& frame, std::uint64_t) {
+        if (!writer.add(frame)) return Termination::kRefused;
+        ++frames;
+        return Termination::kCompleted;
+      });
+  if (termination == Termination::kRefused || (frames > 0 && !writer.finish()))
+    return session.error(writer.problem()), kBadInput;
+  if (frames == 0 && termination == Termination::kCompleted) return session.error("no frame could be read"), kBadInput;
+  std::string text = fmt::format("{}{} frames recorded", ending(termination), frames);
+  if (unreadable > 0) text += fmt::format(", {} could not be read", unreadable);
+  return session.finish(exit_code(termination), text + "\n", [&] {
     return to_text(Json{{"schema", "sherlog.perceive/1"},
-                        {"termination", to_string(Termination::kCompleted)},
+                        {"termination", to_string(termination)},
                         {"source", source.name},
+                        {"unreadable", unreadable},
                         {"recorded", frames}});
   });
 }
 
-int run_perceive(Options options, const PerceiveArguments& arguments) {
-  Session session(std::move(options));
-  std::vector<std::string> outputs;
-  if (!arguments.evidence.empty() && arguments.evidence != "-") outputs.push_back(arguments.evidence);
-  if (!session.check_options(outputs)) return kBadInput;
+// A recording's own files are read; what is written must not take their place.
+bool spares_recording(Session& session, const PerceiveArguments& arguments, const std::vector<std::string>& outputs) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!arguments.record.empty()) {
+    for (const char* list : {"frames.txt", "depth.txt", "associations.txt"}) {
+      if (!fs::exists(fs::path(arguments.record) / list, error)) continue;
+      session.error(
+          fmt::format("--record: '{}' has a recording, which would be lost; name another folder", arguments.record));
+      return false;
+    }
+  }
+  const fs::path folder = fs::weakly_canonical(arguments.frames, error);
+  if (error || !fs::is_directory(folder, error)) return true;
+  for (const std::string& output : outputs) {
+    const fs::path file = fs::weakly_canonical(output, error);
+    const bool is_inside = std::mismatch(folder.begin(), folder.end(), file.begin(), file.end()).first == folder.end();
+    if (output == "-" || error || !is_inside || !fs::exists(file, error)) continue;
+    session.error(fmt::format("'{}' is a file of the recording: a result would take its place", output));
+    return false;
+  }
+  return true;
+}
+
+int perceive(Session& session, const PerceiveArguments& arguments) {
+  std::vector<std::string> outputs, inputs = {arguments.map, arguments.known, arguments.mapping, arguments.store};
+  if (!arguments.evidence.empty()) outputs.push_back(arguments.evidence);
+  std::erase(inputs, "");
+  if (!session.check_options(outputs, inputs)) return kBadInput;
+  if (session.wants_json()) outputs.push_back(session.options().json);
+  if (!spares_recording(session, arguments, outputs)) return kBadInput;
   std::string problem;
   auto source = rgbd::open_frames(arguments.frames, session.options().seed, problem);
   if (!source) return session.error(problem), kBadInput;
   if (arguments.first >= source->frames) {
     return session.error(fmt::format("--first: there are {} frames, numbered from 0", source->frames)), kBadInput;
   }
+  if (arguments.last < arguments.first) return session.error("--last comes before --first"), kBadInput;
   if (arguments.labels && !source->truth) {
     return session.error("--labels: only of synthetic frames is it known what they show"), kBadInput;
   }
@@ -258,14 +320,20 @@ int run_perceive(Options options, const PerceiveArguments& arguments) {
   if (tally.frames == 0 && termination == Termination::kCompleted) {
     return session.error("no frame could be read"), kBadInput;
   }
-  if (!outputs.empty()) {
+  if (!arguments.evidence.empty() && arguments.evidence != "-") {
     if (const auto trouble = write_file(arguments.evidence, tally.evidence))
       return session.error(*trouble), kInternalError;
   }
-  std::string text = tally.text + (arguments.evidence == "-" ? tally.evidence : summary(arguments, tally));
+  std::string text =
+      tally.text + ending(termination) + (arguments.evidence == "-" ? tally.evidence : summary(arguments, tally));
   if (arguments.times) text += times_text(perception->times());
   return session.finish(exit_code(termination), text,
                         [&] { return to_text(perceive_json(arguments, *source, *perception, tally, termination)); });
+}
+
+int run_perceive(Options options, const PerceiveArguments& arguments) {
+  Session session(std::move(options));
+  return session.run("sherlog.perceive/1", [&] { return perceive(session, arguments); });
 }
 
 }  // namespace
@@ -279,24 +347,31 @@ void add_perceive(CLI::App& app, Action& action) {
                    "A recording's folder (docs/perception.md), or synthetic:NAME such as synthetic:table_moves")
       ->required()
       ->type_name("");
-  command
-      ->add_option("--query", arguments->query,
-                   "Answer this in every frame, e.g. '{\"detect\": {\"shape\": \"box\"}}'; only what it needs runs")
-      ->type_name("JSON");
-  command->add_option("--store", arguments->store, "Everything about every frame, as scenes for 'track resolve'")
-      ->type_name("FILE");
-  command->add_flag("--replace", arguments->replace, "A scene whose id the store has takes its place");
-  command->add_flag("--moving", arguments->moving, "Store scenes too while something reaches over the table");
-  command->add_flag("--labels", arguments->labels, "Of synthetic frames: which object each thing is, for training");
+  CLI::Option* query =
+      command
+          ->add_option("--query", arguments->query,
+                       "Answer this in every frame, e.g. '{\"detect\": {\"shape\": \"box\"}}'; only what it needs runs")
+          ->type_name("JSON")
+          ->check(CLI::Validator([](std::string& text) { return text.empty() ? "it is empty" : ""; }, ""));
+  CLI::Option* store =
+      command->add_option("--store", arguments->store, "Everything about every frame, as scenes for 'track resolve'")
+          ->type_name("FILE");
+  command->add_flag("--replace", arguments->replace, "A scene whose id the store has takes its place")->needs(store);
+  command->add_flag("--moving", arguments->moving, "Store scenes too while something reaches over the table")
+      ->needs(store);
+  CLI::Option* labels =
+      command->add_flag("--labels", arguments->labels, "Of synthetic frames: which object each thing is, for training");
   command
       ->add_option("--prefix", arguments->prefix, "Scenes are called so and by number (default: the recording's name)")
       ->type_name("TEXT");
-  command->add_option("--evidence", arguments->evidence, "Each frame's evidence for a model, --- between frames")
-      ->type_name("FILE|-");
+  CLI::Option* evidence =
+      command->add_option("--evidence", arguments->evidence, "Each frame's evidence for a model, --- between frames")
+          ->type_name("FILE|-");
   command
       ->add_option("--mapping", arguments->mapping,
                    "What becomes evidence: a shipped mapping or a JSON file (default robosherlock)")
-      ->type_name("NAME|FILE");
+      ->type_name("NAME|FILE")
+      ->needs(evidence);
   command->add_option("--map", arguments->map, "Names of tables and counters: JSON")->type_name("FILE");
   command->add_option("--known", arguments->known, "Things that there may be, for their classes: JSON")
       ->type_name("FILE");
@@ -306,8 +381,10 @@ void add_perceive(CLI::App& app, Action& action) {
   command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
   command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
   command->add_flag("--times", arguments->times, "How long each annotator took: mean and standard deviation");
-  command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")
-      ->type_name("FOLDER");
+  CLI::Option* record =
+      command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")
+          ->type_name("FOLDER");
+  for (CLI::Option* other : {query, store, evidence, labels}) record->excludes(other);
   add_common_options(*command, *options);
   command->callback(
       [options, arguments, &action] { action = [options, arguments] { return run_perceive(*options, *arguments); }; });

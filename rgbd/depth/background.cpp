@@ -158,7 +158,7 @@ void BackgroundModel::weigh(const DisparityImage& disparity, const ColourImage& 
 
 const PreprocessedDepth& DepthPreprocessing::next(const DepthImage& depth, const ColourImage& colour) {
   const ColourImage* shown = &colour;
-  if (colour.empty()) {
+  if (colour.size() != depth.size()) {
     if (no_colour_.size() != depth.size()) no_colour_ = ColourImage(depth.size(), cv::Vec3b(0, 0, 0));
     shown = &no_colour_;
   }

@@ -106,7 +106,7 @@ class DepthPreprocessing {
                               InpaintingFilter filter = InpaintingFilter::kMedian)
       : foreground_(foreground), inpainting_(filter), background_(background) {}
 
-  // The result lives until the next call. Colour has the depth's size, or is empty: then it is all one.
+  // The result lives until the next call. Colour has the depth's size; of another one, or empty, it is all one.
   const PreprocessedDepth& next(const DepthImage& depth, const ColourImage& colour);
   const BackgroundModel& background() const { return background_; }
   const DepthImage& inpainted() const { return inpainted_; }  // Alg. 2 alone, millimetres

@@ -18,8 +18,11 @@ std::string problem_of(const Calibration& c) {
   if (c.width < 1 || c.height < 1 || c.width > 16384 || c.height > 16384) {
     return fmt::format("an image of {} x {} pixels; each side has to be in 1 ... 16384", c.width, c.height);
   }
+  constexpr double kMostSides = 100;  // a view of half a degree; and of 179
   for (const double focal : {c.fx, c.fy}) {
     if (!(focal > 0) || !std::isfinite(focal)) return fmt::format("focal length {}, which has to be positive", focal);
+    if (focal > kMostSides * c.width || focal < c.width / kMostSides)
+      return fmt::format("focal length {} for an image that is {} pixels wide", focal, c.width);
   }
   const auto outside = [](double centre, std::int32_t side) { return !(centre > -side && centre < 2.0 * side); };
   if (outside(c.cx, c.width) || outside(c.cy, c.height)) {

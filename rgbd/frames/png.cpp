@@ -155,8 +155,11 @@ cv::Mat read_png(const std::filesystem::path& file, int type, std::string& probl
     problem = file.string() + ": " + what;
     return cv::Mat();
   };
-  std::ifstream in(file, std::ios::binary);
-  if (!in || !std::filesystem::is_regular_file(file)) return fail("the file cannot be opened");
+  std::error_code error;
+  std::ifstream in;
+  // A pipe would be waited for.
+  if (std::filesystem::is_regular_file(file, error)) in.open(file, std::ios::binary);
+  if (!in.is_open()) return fail("the file cannot be opened");
   const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   Header header;
   if (const std::string wrong = check_chunks(bytes, header); !wrong.empty()) return fail(wrong);

@@ -19,7 +19,8 @@ namespace sherlog::rgbd {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kPairing = 0.02;  // seconds that the times of a pair may differ
+constexpr double kPlainUnits = 1000, kTumUnits = 5000;  // a metre, where the calibration does not say it
+constexpr double kPairing = 0.02;                       // seconds that the times of a pair may differ
 
 struct Line {
   std::size_t number = 0;
@@ -28,8 +29,11 @@ struct Line {
 
 // Lines that are neither empty nor comments, as words. Nothing where the file cannot be read.
 std::optional<std::vector<Line>> read_lines(const fs::path& file, std::string& problem) {
-  std::ifstream in(file);
-  if (!in || !fs::is_regular_file(file)) {
+  std::error_code error;
+  // A pipe would be waited for.
+  std::ifstream in;
+  if (fs::is_regular_file(file, error)) in.open(file);
+  if (!in.is_open()) {
     problem = file.string() + ": the file cannot be opened";
     return std::nullopt;
   }
@@ -68,10 +72,11 @@ std::optional<Eigen::Isometry3d> parse_pose(std::span<const std::string> words) 
   return pose;
 }
 
-std::optional<Calibration> read_calibration(const fs::path& file, std::string& problem) {
+std::optional<Calibration> read_calibration(const fs::path& file, double units_per_metre, std::string& problem) {
   const auto lines = read_lines(file, problem);
   if (!lines) return std::nullopt;
   Calibration c;
+  c.units_per_metre = units_per_metre;
   double width = 0, height = 0;
   const std::map<std::string, double*, std::less<>> fields = {{"width", &width},
                                                               {"height", &height},
@@ -91,7 +96,10 @@ std::optional<Calibration> read_calibration(const fs::path& file, std::string& p
       problem = at(file, line, fmt::format("'{}' takes one number", line.words[0]));
       return std::nullopt;
     }
-    seen.insert(line.words[0]);
+    if (!seen.insert(line.words[0]).second) {
+      problem = at(file, line, fmt::format("'{}' is there a second time", line.words[0]));
+      return std::nullopt;
+    }
   }
   for (const auto& [name, value] : fields) {
     if (name != "units_per_metre" && !seen.contains(name)) {
@@ -239,18 +247,18 @@ bool read_tum(Sequence& sequence, std::string& problem) {
     return false;
   }
   if (fs::exists(folder / "calibration.txt")) {
-    const auto calibration = read_calibration(folder / "calibration.txt", problem);
+    const auto calibration = read_calibration(folder / "calibration.txt", kTumUnits, problem);
     if (!calibration) return false;
     sequence.calibration = *calibration;
   } else {
     sequence.calibration = {
-        .width = 640, .height = 480, .fx = 525, .fy = 525, .cx = 319.5, .cy = 239.5, .units_per_metre = 5000};
+        .width = 640, .height = 480, .fx = 525, .fy = 525, .cx = 319.5, .cy = 239.5, .units_per_metre = kTumUnits};
   }
   return true;
 }
 
 bool read_plain(Sequence& sequence, std::string& problem) {
-  const auto calibration = read_calibration(sequence.folder / "calibration.txt", problem);
+  const auto calibration = read_calibration(sequence.folder / "calibration.txt", kPlainUnits, problem);
   if (!calibration) return false;
   sequence.calibration = *calibration;
   const fs::path list = sequence.folder / "frames.txt";
@@ -344,7 +352,7 @@ std::optional<Frame> read_frame(const Sequence& sequence, std::size_t index, std
 
 SequenceWriter::SequenceWriter(fs::path folder, const Calibration& calibration, SequenceLayout layout)
     : folder_(std::move(folder)), calibration_(calibration), layout_(layout) {
-  calibration_.units_per_metre = layout == SequenceLayout::kTum ? 5000 : 1000;
+  calibration_.units_per_metre = layout == SequenceLayout::kTum ? kTumUnits : kPlainUnits;
   problem_ = problem_of(calibration_);
   std::error_code error;
   for (const char* sub : {"depth", layout == SequenceLayout::kTum ? "rgb" : "colour"}) {

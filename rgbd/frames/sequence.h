@@ -10,7 +10,7 @@
 //   associations.txt      optional, a line each: time file time file, depth or colour first; else frames are paired by
 //                         nearest times, at most 20 ms apart, each at most once
 //   groundtruth.txt       optional, a line each: time tx ty tz qx qy qz qw; a frame has the nearest pose within 20 ms
-//   calibration.txt       optional; else the recordings' usual 525 pixels and 5000 units a metre
+//   calibration.txt       optional; else the recordings' usual 525 pixels; 5000 units a metre where it does not say it
 // '#' begins a comment line. Which one a folder has is seen from frames.txt or depth.txt.
 // Errors    values: nothing is returned, and `problem` is "file: sentence" or "file:line: sentence". A frame that
 //           cannot be read does not end the sequence: the next may be asked for.

@@ -63,7 +63,7 @@ class Finder {
   Finder(const cv::Mat3f& points, const ColourImage& colour, const Table& table, const Calibration& calibration,
          const HypothesisOptions& options)
       : points_(points), table_(table), calibration_(calibration), options_(options) {
-    if (!colour.empty()) lab_ = colours_of(colour);
+    if (colour.size() == points.size()) lab_ = colours_of(colour);
     result_.reaching_mask = MaskImage(points.size(), std::uint8_t{0});
     taken_ = MaskImage(points.size(), std::uint8_t{0});
   }

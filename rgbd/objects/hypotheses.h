@@ -43,7 +43,7 @@ struct HypothesisOptions {
   bool use_depth = true, use_colour = true;
 };
 
-// `points` as of above_table(). Colour of the same size, or empty: then depth alone.
+// `points` as of above_table(). Colour of the same size; of another one, or empty: depth alone.
 Hypotheses find_hypotheses(const cv::Mat3f& points, const ColourImage& colour, const Table& table,
                            const Calibration& calibration, const HypothesisOptions& options = {});
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "rgbd/frames/sequence.h"
@@ -36,14 +37,22 @@ std::optional<FrameSource> open_frames(const std::string& frames, std::uint64_t 
   auto opened = open_sequence(frames, problem);
   if (!opened) return std::nullopt;
   auto sequence = std::make_shared<const Sequence>(std::move(*opened));
+  const bool has_poses =
+      std::ranges::any_of(sequence->frames, [](const FrameEntry& frame) { return frame.pose.has_value(); });
   const auto folder = std::filesystem::path(frames).lexically_normal();
-  FrameSource source{
-      .name = (folder.has_filename() ? folder : folder.parent_path()).filename().string(),
-      .calibration = sequence->calibration,
-      .frames = sequence->frames.size(),
-      .unpaired = sequence->unpaired,
-      .read = [sequence](std::size_t index, std::string& what) { return read_frame(*sequence, index, what); },
-      .knowledge = {}};
+  FrameSource source{.name = (folder.has_filename() ? folder : folder.parent_path()).filename().string(),
+                     .calibration = sequence->calibration,
+                     .frames = sequence->frames.size(),
+                     .unpaired = sequence->unpaired,
+                     .read = [sequence, has_poses](std::size_t index, std::string& what) -> std::optional<Frame> {
+                       // Places in the camera's frame cannot be compared with places in the world.
+                       if (has_poses && !sequence->frames[index].pose) {
+                         what = "the camera's pose is not known, as it is of other frames";
+                         return std::nullopt;
+                       }
+                       return read_frame(*sequence, index, what);
+                     },
+                     .knowledge = {}};
   return source;
 }
 

@@ -13,11 +13,12 @@ using Names = std::vector<std::string>;
 using Camera = std::optional<Eigen::Isometry3d>;
 using Forms = std::vector<ShapeFit>;
 
-double rounded(double value, double step) { return std::round(value / step) * step; }
+// To so many parts of one: 0.9059 and not 0.90590000000000004.
+double rounded(double value, double parts) { return std::round(value * parts) / parts; }
 
 Value rounded_numbers(const Eigen::Ref<const Eigen::VectorXd>& values) {
   std::vector<double> numbers(static_cast<std::size_t>(values.size()));
-  for (Eigen::Index i = 0; i < values.size(); ++i) numbers[static_cast<std::size_t>(i)] = rounded(values[i], 1e-6);
+  for (Eigen::Index i = 0; i < values.size(); ++i) numbers[static_cast<std::size_t>(i)] = rounded(values[i], 1e6);
   return number_list(numbers);
 }
 
@@ -36,7 +37,7 @@ class Declared : public Annotator {
     Annotation annotation;
     annotation.type = type;
     annotation.source = name_;
-    if (confidence) annotation.confidence = rounded(*confidence, 1e-4);
+    if (confidence) annotation.confidence = rounded(*confidence, 1e4);
     annotation.fields = std::move(fields);
     return annotation;
   }
@@ -179,11 +180,11 @@ class ColourAnnotator : public Declared {
   void process(const Analysis& in, Analysis& out) override {
     const auto& things = in.need<Hypotheses>("things").things;
     const ColourImage& colour = in.need<ColourImage>("colour");
-    for (std::size_t i = 0; i < things.size(); ++i) {
+    for (std::size_t i = 0; i < things.size() && !colour.empty(); ++i) {
       for (const ColourName& name : colour_names(colour, things[i])) {
         if (name.share < kReportedShare) continue;
         out.annotate(i, make("rs.annotation.SemanticColor",
-                             {{"color", Value(name.name)}, {"ratio", Value(rounded(name.share, 1e-4))}}));
+                             {{"color", Value(name.name)}, {"ratio", Value(rounded(name.share, 1e4))}}));
       }
       const auto mean = mean_colour(colour, things[i]);
       out.annotate(i, make("sherlog.annotation.MeanColor",
@@ -296,7 +297,7 @@ class KnownThingsAnnotator : public Declared {
     for (const auto& [score, known] : scores) {
       if (score / sum < 0.01) continue;
       confidences.emplace_back(
-          Value::Object{{"name", Value(known->name)}, {"score", Value(rounded(score / sum, 1e-4))}});
+          Value::Object{{"name", Value(known->name)}, {"score", Value(rounded(score / sum, 1e4))}});
     }
     out.annotate(cluster, make("rs.annotation.Classification",
                                {{"classname", Value(scores[0].second->name)},

@@ -32,6 +32,18 @@ Annotation logging(const AnnotatorRun& run) {
   return log;
 }
 
+// Annotators rely on it. A frame may have no colour at all.
+std::string mismatch(const Frame& frame, const Calibration& calibration) {
+  const auto differs = [](const char* image, cv::Size size, cv::Size expected) {
+    return fmt::format("the {} image has {} x {} pixels, the calibration {} x {}", image, size.width, size.height,
+                       expected.width, expected.height);
+  };
+  if (frame.depth.size() != calibration.size()) return differs("depth", frame.depth.size(), calibration.size());
+  if (!frame.colour.empty() && frame.colour.size() != calibration.size())
+    return differs("colour", frame.colour.size(), calibration.size());
+  return {};
+}
+
 }  // namespace
 
 std::optional<Perception> Perception::make(Annotators annotators, PerceptionOptions options, std::string& problem) {
@@ -66,7 +78,11 @@ Perceived Perception::perceive(const Frame& frame, const Calibration& calibratio
   result.analysis.set("colour", frame.colour);
   result.analysis.set("calibration", calibration);
   result.analysis.set("camera", frame.pose);
-  result.runs = run_flow(annotators_, flow_, result.analysis, options_.threads);
+  if (const std::string problem = mismatch(frame, calibration); !problem.empty()) {
+    result.runs = {{.annotator = "Frame", .problem = problem}};
+  } else {
+    result.runs = run_flow(annotators_, flow_, result.analysis, options_.threads);
+  }
   times_.add(result.runs);
 
   sherlog::Scene& scene = result.scene;

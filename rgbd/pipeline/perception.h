@@ -6,7 +6,7 @@
 //           answer_to(request, scene).
 // Source    deliverable 3, Figs. 1 and 3
 // Errors    make(): what cannot be planned. perceive(): annotators that failed, by name; the scene has what the others
-//           found
+//           found. Images of another size than the calibration: a failed "Frame", and nobody runs
 #pragma once
 
 #include <optional>

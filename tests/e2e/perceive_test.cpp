@@ -116,6 +116,48 @@ TEST_F(Perceive, RefusesBadRecordings) {
   EXPECT_THAT(focal.err, HasSubstr("calibration.txt"));
 }
 
+TEST_F(Perceive, WritesOverNothingThatItReads) {
+  record();
+  const std::string list = scratch.read("table/frames.txt");
+  scratch.write("known.json", R"({"things": []})");
+  for (const char* options : {"--record table", "--every 1 --evidence table/frames.txt", "--json table/frames.txt",
+                              "--known known.json --evidence known.json"}) {
+    const Outcome outcome = scratch.sherlog(std::string("perceive table ") + options);
+    EXPECT_EQ(outcome.code, 2) << options;
+    EXPECT_NE(outcome.err, "") << options;
+  }
+  EXPECT_EQ(scratch.read("table/frames.txt"), list);
+  EXPECT_EQ(scratch.read("known.json"), R"({"things": []})");
+}
+
+TEST_F(Perceive, LimitsEndRecordingWithWhatThereIs) {
+  const Outcome outcome = scratch.sherlog("perceive synthetic:table_moves --every 1 --max-seconds 0.5 --record some");
+  EXPECT_EQ(outcome.code, 4);
+  EXPECT_THAT(outcome.out, HasSubstr("time_limit"));
+  EXPECT_EQ(scratch.sherlog("perceive some --last 0").code, 0);
+}
+
+TEST_F(Perceive, RecordsTheFramesThatCanBeRead) {
+  record();
+  fs::resize_file(scratch.folder() / "table/depth/000001.png", 2000);
+  const Outcome outcome = scratch.sherlog("perceive table --every 1 --record again");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("1 frames recorded, 1 could not be read"));
+}
+
+TEST_F(Perceive, LeavesOutFramesWhoseCameraIsNowhere) {
+  record();
+  std::string list = scratch.read("table/frames.txt");
+  const std::size_t line = list.rfind('\n', list.size() - 2) + 1,
+                    colour = list.find(".png ", list.find("colour", line));
+  list.erase(colour + 4, list.size() - colour - 5);
+  scratch.write("table/frames.txt", list);
+  const Outcome outcome = scratch.sherlog("perceive table --every 1 --query '{\"detect\": {}}'");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("the camera's pose is not known"));
+  EXPECT_THAT(outcome.out, HasSubstr("1 could not be read"));
+}
+
 TEST_F(Perceive, BadOptionsAreExit2WithASentence) {
   for (const auto& [options, word] :
        {std::pair{"nowhere", "nowhere"}, std::pair{"synthetic:moon", "table_moves"},

@@ -397,6 +397,31 @@ TEST_F(KitchenTable, SaysThatThereIsNoTableInFramesOfNothing) {
   EXPECT_NE(table->problem.find("there is no table top"), std::string::npos) << table->problem;
 }
 
+TEST_F(KitchenTable, FramesWithoutColourHaveTheShapesOfThings) {
+  Perception all = perception(R"({"detect": {}})");
+  Frame frame = sequence().frame(0).frame;
+  const std::size_t with_colour = look(all, frame).scene.clusters.size();
+  frame.colour = {};
+  const Perceived perceived = look(all, frame);
+  for (const AnnotatorRun& run : perceived.runs) EXPECT_EQ(run.problem, "") << run.annotator;
+  EXPECT_GE(perceived.scene.clusters.size() + 2, with_colour);  // what is flat has only colour
+  for (const Cluster& cluster : perceived.scene.clusters) {
+    EXPECT_FALSE(annotations_of(cluster.annotations, "rs.annotation.Shape").empty());
+    EXPECT_TRUE(annotations_of(cluster.annotations, "rs.annotation.SemanticColor").empty());
+  }
+}
+
+TEST_F(KitchenTable, ImagesOfOtherSizesAreRefusedByName) {
+  Perception all = perception(R"({"detect": {}})");
+  Frame frame = sequence().frame(0).frame;
+  frame.colour = ColourImage::zeros(10, 10);
+  Perceived perceived = look(all, frame);
+  ASSERT_EQ(perceived.runs.size(), 1u);
+  EXPECT_EQ(perceived.runs[0].problem, "the colour image has 10 x 10 pixels, the calibration 320 x 240");
+  frame.depth = DepthImage::zeros(5, 7);
+  EXPECT_NE(look(all, frame).runs[0].problem.find("depth image has 7 x 5"), std::string::npos);
+}
+
 TEST(OnePixel, IsTooFewForATable) {
   std::string problem;
   auto perception = Perception::make(object_annotators({}), {.request = Request{}}, problem);
