@@ -23,13 +23,18 @@ namespace {
 struct PerceiveArguments {
   std::string frames, query, store, prefix, map, known, evidence, record;
   std::string mapping = "robosherlock";
-  std::uint64_t every = 10, first = 0, last = std::numeric_limits<std::uint64_t>::max();
-  bool times = false, replace = false, moving = false, labels = false;
+  std::optional<std::uint64_t> every;
+  std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
+  bool times = false, replace = false, moving = false, labels = false, people = false;
+
+  // Labels of people hold from frame to frame.
+  std::uint64_t step() const { return every.value_or(people ? 1 : 10); }
+  bool wants_things() const { return !query.empty() || !store.empty() || !evidence.empty(); }
 };
 
 // What has been found in all frames so far.
 struct PerceiveTally {
-  std::uint64_t frames = 0, unreadable = 0, stored = 0, moving = 0, things = 0, answers = 0;
+  std::uint64_t frames = 0, unreadable = 0, stored = 0, moving = 0, things = 0, answers = 0, people = 0;
   std::map<std::string, std::uint64_t> failures;  // "annotator: problem", frames
   Json scenes = Json::array();
   std::string text, evidence;
@@ -52,7 +57,7 @@ template <class Visit>
 Termination for_each_frame(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source,
                            std::uint64_t& unreadable, const Visit& visit) {
   const std::uint64_t end = arguments.last < source.frames ? arguments.last + 1 : source.frames;
-  for (std::uint64_t index = arguments.first; index < end; index += arguments.every) {
+  for (std::uint64_t index = arguments.first; index < end; index += arguments.step()) {
     session.monitor().progress("frames", static_cast<double>(index), static_cast<double>(end));
     if (session.monitor().interrupted()) return Termination::kInterrupted;
     if (session.seconds_left() <= 0) return Termination::kTimeLimit;
@@ -94,7 +99,12 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   }
   // A store and evidence take all that can be found.
   if (!arguments.store.empty() || !arguments.evidence.empty()) options.request = rgbd::Request{};
-  auto perception = rgbd::Perception::make(rgbd::object_annotators(knowledge), std::move(options), problem);
+  rgbd::Annotators annotators = rgbd::object_annotators(knowledge);
+  if (arguments.people) {
+    options.also.emplace_back("sherlog.annotation.Person");
+    for (auto& annotator : rgbd::people_annotators()) annotators.push_back(std::move(annotator));
+  }
+  auto perception = rgbd::Perception::make(std::move(annotators), std::move(options), problem);
   if (!perception) session.error(problem);
   return perception;
 }
@@ -107,8 +117,21 @@ void count_failures(Session& session, const rgbd::Perceived& perceived, std::uin
   }
 }
 
-void tell(const rgbd::Perceived& perceived, const std::optional<rgbd::Request>& request, std::uint64_t frame,
-          PerceiveTally& tally) {
+// A line for each person, as it is in the scene.
+void tell_people(const Scene& scene, std::uint64_t frame, Json& entry, PerceiveTally& tally) {
+  const auto people = annotations_of(scene.annotations, "sherlog.annotation.Person");
+  tally.people += people.size();
+  tally.text += fmt::format("frame {}, {:.3f} s: {} people\n", frame, scene.timestamp, people.size());
+  entry["people"] = Json::array();
+  for (const Annotation* person : people) {
+    const Value fields(person->fields);
+    tally.text += json_text(fields) + "\n";
+    entry["people"].push_back(to_json(fields));
+  }
+}
+
+void tell(const rgbd::Perceived& perceived, const std::optional<rgbd::Request>& request, bool wants_people,
+          std::uint64_t frame, PerceiveTally& tally) {
   const Scene& scene = perceived.scene;
   tally.things += scene.clusters.size();
   Json entry{{"frame", frame}, {"time", scene.timestamp}, {"scene", scene.id}};
@@ -121,6 +144,7 @@ void tell(const rgbd::Perceived& perceived, const std::optional<rgbd::Request>& 
     entry["things"] = scene.clusters.size();
     entry["answers"] = to_json(answer);
   }
+  if (wants_people) tell_people(scene, frame, entry, tally);
   entry["reaching"] = perceived.reaching;
   tally.scenes.push_back(std::move(entry));
 }
@@ -158,7 +182,9 @@ Json times_json(const rgbd::RunTimes& times) {
 std::string summary(const PerceiveArguments& arguments, const PerceiveTally& tally) {
   std::string text = fmt::format("{} frames", tally.frames);
   if (tally.unreadable > 0) text += fmt::format(", {} could not be read", tally.unreadable);
-  if (arguments.query.empty() && arguments.store.empty() && arguments.evidence.empty()) {
+  if (arguments.people) text += fmt::format(", {} sightings of people", tally.people);
+  if (!arguments.wants_things()) {
+    if (arguments.people) return text + "\n";
     return text + "; nothing was asked for, so no object was looked for\n";
   }
   text += fmt::format(", {} things", tally.things);
@@ -194,11 +220,11 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
   if (!arguments.query.empty()) request = rgbd::parse_request(arguments.query, problem);
   return for_each_frame(
       session, arguments, source, tally.unreadable, [&](const rgbd::Frame& frame, std::uint64_t index) {
-        rgbd::Perceived perceived = perception.perceive(frame, source.calibration, index);
+        rgbd::Perceived perceived = perception.perceive(frame, source.calibration, index, source.bodies_at(index));
         ++tally.frames;
         if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
         count_failures(session, perceived, index, tally);
-        tell(perceived, request, index, tally);
+        tell(perceived, request, arguments.people, index, tally);
         if (mapping) {
           tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
         }
@@ -214,6 +240,7 @@ Json perceive_json(const PerceiveArguments& arguments, const rgbd::FrameSource& 
             {"frames", tally.frames},         {"unreadable", tally.unreadable},
             {"things", tally.things}};
   if (!arguments.query.empty()) json["answers"] = tally.answers;
+  if (arguments.people) json["people"] = tally.people;
   if (!arguments.store.empty()) json["stored"] = tally.stored, json["left_out"] = tally.moving;
   json["problems"] = Json::array();
   for (const auto& [text, frames] : tally.failures) json["problems"].push_back({{"message", text}, {"frames", frames}});
@@ -293,6 +320,7 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   if (source->unpaired > 0) session.warning(fmt::format("{} depth images have no colour image", source->unpaired));
   if (!arguments.record.empty()) return record_frames(session, arguments, *source);
   if (!read_knowledge(session, "--map", arguments.map, rgbd::parse_map, source->knowledge.map) ||
+      !read_knowledge(session, "--map", arguments.map, rgbd::parse_structure, source->knowledge.structure) ||
       !read_knowledge(session, "--known", arguments.known, rgbd::parse_known_things, source->knowledge.things)) {
     return kBadInput;
   }
@@ -359,6 +387,8 @@ void add_perceive(CLI::App& app, Action& action) {
   command->add_flag("--replace", arguments->replace, "A scene whose id the store has takes its place")->needs(store);
   command->add_flag("--moving", arguments->moving, "Store scenes too while something reaches over the table")
       ->needs(store);
+  CLI::Option* people =
+      command->add_flag("--people", arguments->people, "Who is there: labels that last, places and postures");
   CLI::Option* labels =
       command->add_flag("--labels", arguments->labels, "Of synthetic frames: which object each thing is, for training");
   command
@@ -375,7 +405,7 @@ void add_perceive(CLI::App& app, Action& action) {
   command->add_option("--map", arguments->map, "Names of tables and counters: JSON")->type_name("FILE");
   command->add_option("--known", arguments->known, "Things that there may be, for their classes: JSON")
       ->type_name("FILE");
-  command->add_option("--every", arguments->every, "Take every Nth frame (default 10)")
+  command->add_option("--every", arguments->every, "Take every Nth frame (default 10; with --people 1)")
       ->type_name("N")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}).description(""));
   command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
@@ -384,7 +414,7 @@ void add_perceive(CLI::App& app, Action& action) {
   CLI::Option* record =
       command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")
           ->type_name("FOLDER");
-  for (CLI::Option* other : {query, store, evidence, labels}) record->excludes(other);
+  for (CLI::Option* other : {query, store, evidence, labels, people}) record->excludes(other);
   add_common_options(*command, *options);
   command->callback(
       [options, arguments, &action] { action = [options, arguments] { return run_perceive(*options, *arguments); }; });

@@ -98,6 +98,50 @@ std::string times_table(const rgbd::RunTimes& times) {
   return rows + "</table>\n";
 }
 
+// The people of a frame: their keypoints, a colour for each.
+cv::Mat people_in(const rgbd::Frame& frame, const rgbd::Perceived& seen) {
+  cv::Mat image = frame.colour.clone() * 0.4;
+  const auto* people = seen.analysis.view<std::vector<rgbd::Person>>("people");
+  if (people == nullptr) return image;
+  const cv::Scalar colours[] = {{80, 220, 255}, {255, 180, 60}, {120, 255, 120}, {200, 120, 255}};
+  for (const rgbd::Person& person : *people) {
+    const cv::Scalar& colour = colours[static_cast<std::size_t>(person.label) % std::size(colours)];
+    for (const auto& point : person.keypoints) cv::circle(image, {point.pixel.x, point.pixel.y}, 1, colour, -1);
+    const auto& first_point = person.keypoints.front().pixel;
+    cv::putText(image, fmt::format("{} (posture {})", person.label, person.posture),
+                {first_point.x, std::max(16, first_point.y - 8)}, cv::FONT_HERSHEY_SIMPLEX, 0.7, colour, 2);
+  }
+  return image;
+}
+
+// People who cross, from frame to foreground to keypoints with labels; and a robot's arm that is taken away.
+std::string other_branches(std::string& problem) {
+  std::string page = "<h2>People</h2>\n";
+  const auto crossing = rgbd::open_frames("synthetic:people_crossing", 1, problem);
+  rgbd::Annotators annotators = rgbd::object_annotators({});
+  for (auto& annotator : rgbd::people_annotators()) annotators.push_back(std::move(annotator));
+  auto people = rgbd::Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}}, problem);
+  if (!crossing || !people) return {};
+  for (std::size_t index = 0; index <= 150; ++index) {
+    const auto frame = crossing->read(index, problem);
+    const auto seen = people->perceive(*frame, crossing->calibration, index, crossing->bodies_at(index));
+    if (index != 90 && index != 120 && index != 150) continue;
+    page += picture(coloured(frame->depth), fmt::format("frame {}: depth", index));
+    if (const auto* mask = seen.analysis.view<rgbd::MaskImage>("foreground")) page += picture(*mask, "foreground");
+    page += picture(people_in(*frame, seen), "people: keypoints, labels, postures");
+  }
+  page += times_table(people->times()) + "<h2>Known structure</h2>\n";
+  const auto robot = rgbd::open_frames("synthetic:robot_table", 1, problem);
+  auto filter = rgbd::Perception::make(rgbd::object_annotators({}), {.also = {"robot"}}, problem);
+  if (!robot || !filter) return {};
+  const auto frame = robot->read(70, problem);
+  const auto seen = filter->perceive(*frame, robot->calibration, 70, robot->bodies_at(70));
+  rgbd::DepthImage without = frame->depth.clone();
+  without.setTo(0, *seen.analysis.view<rgbd::MaskImage>("robot"));
+  return page + picture(frame->colour, "a robot's arm") + picture(coloured(frame->depth), "depth") +
+         picture(coloured(without), "without what the robot knows of its arm");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -127,7 +171,7 @@ int main(int argc, char** argv) {
       fmt::print(stderr, "frame {}: {}\n", index, problem);
       continue;
     }
-    const rgbd::Perceived seen = perception->perceive(*frame, source->calibration, index);
+    const rgbd::Perceived seen = perception->perceive(*frame, source->calibration, index, source->bodies_at(index));
     std::map<std::string, std::string> names;
     std::string belief = "<p>Something reaches over the table: no scene.</p>\n";
     if (seen.reaching == 0) {
@@ -144,6 +188,7 @@ int main(int argc, char** argv) {
     page += picture(marked(*frame, seen, names), "table, things and who they are") + belief;
   }
   page += times_table(perception->times());
+  if (argc > 1) page += other_branches(problem);
   fmt::print("{} scenes, {} objects\n", scenes, tracker->objects().size());
   if (argc > 1) std::ofstream(argv[1]) << page;
   return scenes > 0 ? 0 : 1;

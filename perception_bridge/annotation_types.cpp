@@ -147,6 +147,17 @@ std::vector<AnnotationType> make_types() {
        "",
        {{"atoms", kTexts, kRequired}},
        "evidence for a Markov logic network"},
+      // Who is there.
+      {"sherlog.annotation.Person",
+       kAnnotation,
+       "",
+       {{"label", kNumber, kRequired},
+        {"position", kNumbers, false, kFree, 3},
+        {"keypoints", kNumber, false, kNotNegative},
+        {"roi", kNumbers, false, kNotNegative, 4},
+        {"posture", kNumber, false, kNotNegative},
+        {"similarity", kNumber, false, kNotNegative}},
+       "somebody whom the camera follows: label from frame to frame, place, and the number of the posture"},
       // Which one it is.
       {"rs.annotation.Tracking",
        kAnnotation,

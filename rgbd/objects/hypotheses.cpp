@@ -68,7 +68,11 @@ class Finder {
     taken_ = MaskImage(points.size(), std::uint8_t{0});
   }
 
-  Hypotheses find() {
+  Hypotheses find(const MaskImage& body = {}) {
+    if (!body.empty()) {
+      result_.reaching_mask |= body;
+      result_.reaching += covers_the_table(body) ? 1U : 0U;
+    }
     if (options_.use_depth) {
       for (const Pixels& piece : pieces()) judge(piece);
     }
@@ -123,6 +127,17 @@ class Finder {
       }
     }
     return found;
+  }
+
+  // Whether the body is in front of what is seen of the table, more than by its rim.
+  bool covers_the_table(const MaskImage& body) const {
+    constexpr int kLeast = 50;  // pixels
+    std::vector<cv::Point> outline;
+    cv::convexHull(pixels_of(table_.surface), outline);
+    if (outline.size() < 3) return false;
+    MaskImage whole(points_.size(), std::uint8_t{0});
+    cv::fillConvexPoly(whole, outline, 255);
+    return cv::countNonZero(whole & body) > kLeast;
   }
 
   // Square metres that the pixels show, if they face the camera.
@@ -372,8 +387,15 @@ class Finder {
 }  // namespace
 
 Hypotheses find_hypotheses(const cv::Mat3f& points, const ColourImage& colour, const Table& table,
-                           const Calibration& calibration, const HypothesisOptions& options) {
-  return Finder(points, colour, table, calibration, options).find();
+                           const Calibration& calibration, const HypothesisOptions& options, const MaskImage& known) {
+  const int on_body = known.empty() ? 0 : cv::countNonZero(known);
+  if (on_body == 0) return Finder(points, colour, table, calibration, options).find();
+  // With the row of pixels at its outline, which measure now this and now that.
+  MaskImage body;
+  cv::dilate(known, body, cv::Mat::ones(3, 3, CV_8U));
+  cv::Mat3f others = points.clone();
+  others.setTo(cv::Scalar(0, 0, -10), body);
+  return Finder(others, colour, table, calibration, options).find(body);
 }
 
 }  // namespace sherlog::rgbd

@@ -44,7 +44,9 @@ struct HypothesisOptions {
 };
 
 // `points` as of above_table(). Colour of the same size; of another one, or empty: depth alone.
+// `known`: pixels of the robot's own body, where nothing is looked for; empty: none. A body over the table reaches over it.
 Hypotheses find_hypotheses(const cv::Mat3f& points, const ColourImage& colour, const Table& table,
-                           const Calibration& calibration, const HypothesisOptions& options = {});
+                           const Calibration& calibration, const HypothesisOptions& options = {},
+                           const MaskImage& known = {});
 
 }  // namespace sherlog::rgbd

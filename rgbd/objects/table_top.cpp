@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <opencv2/imgproc.hpp>
 #include <random>
 
@@ -71,9 +72,18 @@ Plane refined(Plane plane, const std::vector<Sample>& samples) {
   return plane;
 }
 
-std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::optional<Vector3d>& up,
+// Whether the point may lie on a table.
+bool is_table_height(const Vector3d& point, const Eigen::Isometry3d& camera, const TableOptions& options) {
+  const double height = (camera * point).z();
+  if (options.heights.empty()) return height > options.least_height;
+  return std::ranges::any_of(options.heights, [&](double h) { return std::abs(h - height) < options.height_error; });
+}
+
+std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::optional<Eigen::Isometry3d>& camera,
                                 const TableOptions& options) {
   if (samples.size() < 3) return std::nullopt;
+  std::optional<Vector3d> up;
+  if (camera) up = camera->linear().transpose() * Vector3d::UnitZ();
   std::mt19937_64 random(5);
   std::optional<Plane> best;
   std::size_t most = 0;
@@ -92,8 +102,9 @@ std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::o
   return best ? std::optional(refined(*best, samples)) : best;
 }
 
-// The largest connected piece of the pixels on the plane.
-MaskImage surface_of(const Cloud& cloud, const Plane& plane, double agreement) {
+// The connected pieces of the pixels on the plane, by number; 0: none. The largest ones first, at most kMostPieces.
+cv::Mat1i pieces_on(const Cloud& cloud, const Plane& plane, double agreement, int& count) {
+  constexpr int kMostPieces = 8;
   MaskImage on_plane(cloud.size(), std::uint8_t{0});
   for (int y = 0; y < cloud.rows; ++y) {
     for (int x = 0; x < cloud.cols; ++x) {
@@ -106,14 +117,15 @@ MaskImage surface_of(const Cloud& cloud, const Plane& plane, double agreement) {
   cv::morphologyEx(on_plane, open, cv::MORPH_OPEN, cv::Mat::ones(3, 3, CV_8U));
   cv::Mat1i labels;
   cv::Mat statistics, centres;
-  const int count = cv::connectedComponentsWithStats(open, labels, statistics, centres, 8, CV_32S);
-  int largest = 0, area = 0;
-  for (int i = 1; i < count; ++i) {
-    if (statistics.at<int>(i, cv::CC_STAT_AREA) > area) largest = i, area = statistics.at<int>(i, cv::CC_STAT_AREA);
-  }
-  MaskImage result(cloud.size(), std::uint8_t{0});
-  if (largest > 0) result.setTo(255, labels == largest);
-  return result;
+  const int all = cv::connectedComponentsWithStats(open, labels, statistics, centres, 8, CV_32S);
+  std::vector<int> order;
+  for (int i = 1; i < all; ++i) order.push_back(i);
+  std::ranges::stable_sort(order, std::greater<>{}, [&](int i) { return statistics.at<int>(i, cv::CC_STAT_AREA); });
+  count = std::min(kMostPieces, static_cast<int>(order.size()));
+  std::vector<int> number(static_cast<std::size_t>(all), 0);
+  for (int i = 0; i < count; ++i) number[static_cast<std::size_t>(order[static_cast<std::size_t>(i)])] = i + 1;
+  for (int& label : labels) label = number[static_cast<std::size_t>(label)];
+  return labels;
 }
 
 Eigen::Isometry3d frame_on(const Plane& plane, const Vector3d& origin, const Vector3d& ahead) {
@@ -128,24 +140,70 @@ Eigen::Isometry3d frame_on(const Plane& plane, const Vector3d& origin, const Vec
   return frame;
 }
 
-void draw_outline(Table& table, const std::vector<cv::Point2f>& hull, double cell) {
-  Eigen::Vector2d low(hull[0].x, hull[0].y), high = low;
-  for (const cv::Point2f& p : hull) {
-    low = low.cwiseMin(Eigen::Vector2d(p.x, p.y));
-    high = high.cwiseMax(Eigen::Vector2d(p.x, p.y));
+using Hull = std::vector<cv::Point2f>;
+
+void draw_outlines(Table& table, const std::vector<Hull>& hulls, double cell) {
+  Eigen::Vector2d low(hulls[0][0].x, hulls[0][0].y), high = low;
+  for (const Hull& hull : hulls) {
+    for (const cv::Point2f& p : hull) {
+      low = low.cwiseMin(Eigen::Vector2d(p.x, p.y));
+      high = high.cwiseMax(Eigen::Vector2d(p.x, p.y));
+    }
   }
   const double margin = 4 * cell;
   table.cell = cell;
   table.raster_origin = low - Eigen::Vector2d(margin, margin);
   const Eigen::Vector2d size = (high - low + Eigen::Vector2d(2 * margin, 2 * margin)) / cell;
   table.raster = cv::Mat1b::zeros(static_cast<int>(size.y()) + 1, static_cast<int>(size.x()) + 1);
-  std::vector<cv::Point> polygon;
-  for (const cv::Point2f& p : hull) {
-    table.outline.emplace_back(p.x, p.y);
-    polygon.emplace_back(static_cast<int>(std::lround((p.x - table.raster_origin.x()) / cell)),
-                         static_cast<int>(std::lround((p.y - table.raster_origin.y()) / cell)));
+  for (const cv::Point2f& p : hulls[0]) table.outline.emplace_back(p.x, p.y);
+  for (const Hull& hull : hulls) {
+    std::vector<cv::Point> polygon;
+    for (const cv::Point2f& p : hull) {
+      polygon.emplace_back(static_cast<int>(std::lround((p.x - table.raster_origin.x()) / cell)),
+                           static_cast<int>(std::lround((p.y - table.raster_origin.y()) / cell)));
+    }
+    cv::fillConvexPoly(table.raster, polygon, 255);
   }
-  cv::fillConvexPoly(table.raster, polygon, 255);
+}
+
+// By piece, its points in the frame's plane.
+std::vector<Hull> points_of(const Cloud& cloud, const cv::Mat1i& pieces, int count, const Eigen::Isometry3d& frame) {
+  std::vector<Hull> points(static_cast<std::size_t>(count));
+  const Eigen::Isometry3d to_frame = frame.inverse(Eigen::Isometry);
+  for (int y = 0; y < cloud.rows; ++y) {
+    for (int x = 0; x < cloud.cols; ++x) {
+      if (pieces(y, x) == 0) continue;
+      const cv::Vec3f& p = cloud(y, x);
+      const Vector3d on = to_frame * Vector3d(p[0], p[1], p[2]);
+      points[static_cast<std::size_t>(pieces(y, x) - 1)].emplace_back(static_cast<float>(on.x()),
+                                                                      static_cast<float>(on.y()));
+    }
+  }
+  return points;
+}
+
+// Square metres of cells of 2 cm that have a point.
+double covered_area(const Hull& points) {
+  constexpr float kCell = 0.02F;
+  std::vector<std::pair<int, int>> cells;
+  for (const cv::Point2f& p : points) cells.emplace_back(cvFloor(p.x / kCell), cvFloor(p.y / kCell));
+  std::ranges::sort(cells);
+  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+  return static_cast<double>(cells.size()) * static_cast<double>(kCell * kCell);
+}
+
+// Of a piece that may be a table top, else empty. Where a level plane cuts walls there are strips.
+Hull hull_of(const Hull& points, double least_area) {
+  constexpr float kLeastWidth = 0.15F;
+  constexpr double kLeastShare = 0.2;  // of the hull that is seen
+  Hull hull;
+  if (points.size() < 3) return {};
+  cv::convexHull(points, hull);
+  if (hull.size() < 3) return {};
+  const double area = cv::contourArea(hull);
+  const cv::Size2f sides = cv::minAreaRect(hull).size;
+  if (area < least_area || std::min(sides.width, sides.height) < kLeastWidth) return {};
+  return covered_area(points) < kLeastShare * area ? Hull() : hull;
 }
 
 }  // namespace
@@ -172,39 +230,45 @@ bool Table::has(double x, double y) const {
 
 std::optional<Table> find_table(const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,
                                 const TableOptions& options, std::string& problem) {
-  const std::vector<Sample> samples = sample(cloud, options.agreement);
-  std::optional<Vector3d> up;
-  if (camera) up = camera->linear().transpose() * Vector3d::UnitZ();
-  const std::optional<Plane> plane = best_plane(samples, up, options);
-  if (!plane) return problem = "there is no table top: too few depths, or no level plane", std::nullopt;
-
+  std::vector<Sample> samples = sample(cloud, options.agreement);
+  if (camera) std::erase_if(samples, [&](const Sample& s) { return !is_table_height(s.point, *camera, options); });
+  const std::optional<Plane> plane = best_plane(samples, camera, options);
+  if (!plane) {
+    problem = camera && !options.heights.empty() ? "there is no table top: no level plane is as high as the map says"
+              : camera ? "there is no table top: too few depths, or no level plane 30 cm and more above z = 0"
+                       : "there is no table top: too few depths, or no level plane";
+    return std::nullopt;
+  }
   Table table;
-  table.surface = surface_of(cloud, *plane, options.agreement);
   const Vector3d ahead = camera ? Vector3d(camera->linear().transpose() * Vector3d::UnitX()) : Vector3d::UnitX();
   Eigen::Isometry3d frame = frame_on(*plane, -plane->normal * plane->offset, ahead);
-  std::vector<cv::Point2f> points;
-  for (int y = 0; y < cloud.rows; ++y) {
-    for (int x = 0; x < cloud.cols; ++x) {
-      if (table.surface(y, x) == 0) continue;
-      const cv::Vec3f& p = cloud(y, x);
-      const Vector3d on = frame.inverse(Eigen::Isometry) * Vector3d(p[0], p[1], p[2]);
-      points.emplace_back(static_cast<float>(on.x()), static_cast<float>(on.y()));
-    }
+  int count = 0;
+  const cv::Mat1i pieces = pieces_on(cloud, *plane, options.agreement, count);
+  const std::vector<Hull> points = points_of(cloud, pieces, count, frame);
+  table.surface = MaskImage(cloud.size(), std::uint8_t{0});
+  std::vector<Hull> large;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    Hull hull = hull_of(points[i], options.least_area);
+    if (hull.empty()) continue;
+    table.area += cv::contourArea(hull);
+    table.surface.setTo(255, pieces == static_cast<int>(i + 1));
+    large.push_back(std::move(hull));
   }
-  std::vector<cv::Point2f> hull;
-  if (points.size() >= 3) cv::convexHull(points, hull);
-  table.area = hull.size() < 3 ? 0 : cv::contourArea(hull);
-  if (table.area < options.least_area) {
-    return problem = "there is no table top: the largest level plane is too small", std::nullopt;
+  if (large.empty()) {
+    problem = "there is no table top: the largest level plane is too small, or too narrow";
+    return std::nullopt;
   }
   Vector3d middle = Vector3d::Zero();
-  for (const cv::Point2f& p : hull) middle += Vector3d(p.x, p.y, 0) / static_cast<double>(hull.size());
+  for (const cv::Point2f& p : large[0]) middle += Vector3d(p.x, p.y, 0) / static_cast<double>(large[0].size());
   frame.translation() = frame * middle;
-  for (cv::Point2f& p : hull) p -= cv::Point2f(static_cast<float>(middle.x()), static_cast<float>(middle.y()));
+  const cv::Point2f origin(static_cast<float>(middle.x()), static_cast<float>(middle.y()));
+  for (Hull& hull : large) {
+    for (cv::Point2f& p : hull) p -= origin;
+  }
   table.pose = frame;
   table.has_world = camera.has_value();
   table.in_world = camera ? *camera * frame : frame;
-  draw_outline(table, hull, options.cell);
+  draw_outlines(table, large, options.cell);
   return table;
 }
 

@@ -3,7 +3,8 @@
 // Idea      Most of what a camera over a table measures is the table. A plane through three random points that most
 //           others agree with is found, whatever stands on it (RANSAC), and fitted anew to those that agree (a fixed
 //           number of rounds with a weight that falls to zero). Errors of depth grow with its square, so agreement is
-//           counted in the sensor's steps. The outline is the convex hull of the largest connected piece.
+//           counted in the sensor's steps. The outline is the convex hull of the largest connected piece; other pieces
+//           of the plane that are large enough, tables of the same height, count as surface too.
 // Source    Fischler and Bolles, Random sample consensus, 1981; Beaton and Tukey's weights, 1974; deliverable 3.3
 //           (table tops)
 // Frames    the table's: z up from its surface, origin in the middle of its outline. x is the world's as far as
@@ -28,7 +29,10 @@ Cloud cloud_of(const DepthImage& depth, const Calibration& calibration);
 double depth_error(double metres);
 
 struct TableOptions {
-  double most_tilt = 0.26;   // radians, from the horizontal; where the camera's pose is known
+  double most_tilt = 0.26;  // radians, from the horizontal; where the camera's pose is known
+  // Where the camera's pose is known: tables are so high above z = 0, or lower than that nowhere.
+  std::vector<double> heights = {};
+  double least_height = 0.3, height_error = 0.06;
   double least_area = 0.05;  // square metres
   double agreement = 3;      // errors of depth
   double cell = 0.005;       // of the outline's raster, metres
@@ -40,12 +44,12 @@ struct Table {
   Eigen::Isometry3d in_world =
       Eigen::Isometry3d::Identity();  // to the world; to the camera's frame where no pose is known
   bool has_world = false;
-  std::vector<Eigen::Vector2d> outline;  // convex, counter-clockwise, table frame
+  std::vector<Eigen::Vector2d> outline;  // of the largest piece: convex, counter-clockwise, table frame
   MaskImage surface;                     // pixels that measure it
   double area = 0;
 
-  bool has(double x, double y) const;  // within the outline
-  // Raster of the outline, for has().
+  bool has(double x, double y) const;  // within the outline of a piece
+  // Raster of the outlines, for has().
   cv::Mat1b raster;
   Eigen::Vector2d raster_origin = Eigen::Vector2d::Zero();
   double cell = 0.005;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <memory>
 
 #include "rgbd/frames/sequence.h"
@@ -26,6 +27,7 @@ std::optional<FrameSource> open_synthetic(const std::string& name, std::uint64_t
                      .unpaired = 0,
                      .read = [sequence](std::size_t index, std::string&) { return sequence->frame(index).frame; },
                      .truth = [sequence](std::size_t index) { return sequence->frame(index); },
+                     .bodies = [sequence](std::size_t index) { return known_bodies(*sequence, index); },
                      .knowledge = knowledge_of(*sequence)};
   return source;
 }
@@ -54,6 +56,14 @@ std::optional<FrameSource> open_frames(const std::string& frames, std::uint64_t 
                      },
                      .knowledge = {}};
   return source;
+}
+
+KnownBodies known_bodies(const SyntheticSequence& sequence, std::size_t index) {
+  const Scene movers = sequence.movers(index);
+  std::vector<Body> robot;
+  std::ranges::copy_if(movers.bodies, std::back_inserter(robot),
+                       [&](const Body& body) { return movers.entities[body.entity - 1U].kind == EntityKind::kRobot; });
+  return {meshes_of(sequence.scenery().bodies), meshes_of(robot)};
 }
 
 Knowledge knowledge_of(const SyntheticSequence& sequence) {

@@ -10,6 +10,7 @@
 
 #include "rgbd/frames/frame.h"
 #include "rgbd/pipeline/object_annotators.h"
+#include "rgbd/pipeline/people_annotators.h"
 #include "rgbd/synthetic/sequences.h"
 
 namespace sherlog::rgbd {
@@ -20,13 +21,20 @@ struct FrameSource {
   std::size_t frames = 0;
   std::size_t unpaired = 0;  // depth images that have no colour image
   std::function<std::optional<Frame>(std::size_t index, std::string& problem)> read;
-  std::function<TrueFrame(std::size_t index)> truth = {};  // of synthetic sequences only
+  std::function<TrueFrame(std::size_t index)> truth = {};     // of synthetic sequences only
+  std::function<KnownBodies(std::size_t index)> bodies = {};  // the same: the room, and the robot at that moment
   Knowledge knowledge;  // of synthetic kitchens: their tables and all things that there are
+
+  KnownBodies bodies_at(std::size_t index) const {
+    return bodies ? bodies(index) : KnownBodies{knowledge.structure, {}};
+  }
 };
 
 // `seed`: of the noise of synthetic sequences.
 std::optional<FrameSource> open_frames(const std::string& frames, std::uint64_t seed, std::string& problem);
 
+// What a robot knows of its own: its furniture, and its arm where it is now.
+KnownBodies known_bodies(const SyntheticSequence& sequence, std::size_t index);
 // The level surfaces of its furniture, and the catalogue.
 Knowledge knowledge_of(const SyntheticSequence& sequence);
 

@@ -1,6 +1,7 @@
 // Semantic maps and known things from JSON.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "rgbd/pipeline/object_annotators.h"
@@ -51,6 +52,39 @@ std::optional<SemanticMap> parse_map(std::string_view text, std::string& problem
     map.push_back({*name, {(*low)[0], (*low)[1]}, {(*high)[0], (*high)[1]}, *metres});
   }
   return map;
+}
+
+std::optional<std::vector<PlacedMesh>> parse_structure(std::string_view text, std::string& problem) {
+  const auto document = parse_json(text, problem);
+  if (!document) return std::nullopt;
+  std::vector<PlacedMesh> bodies;
+  if (document->find("structure") == nullptr) return bodies;
+  const auto* items = list_at(document, "structure", problem);
+  if (items == nullptr) return std::nullopt;
+  for (const Value& item : *items) {
+    const auto shape = text_at(item, "shape");
+    const auto size = numbers_at(item, "size", 3), place = numbers_at(item, "translation", 3);
+    const auto turn = item.find("rotation") == nullptr
+                          ? std::vector<double>{0, 0, 0, 1}
+                          : numbers_at(item, "rotation", 4).value_or(std::vector<double>());
+    const bool is_box = shape == "box", is_cylinder = shape == "cylinder";
+    const bool is_sized = size && std::ranges::all_of(*size, [](double edge) { return edge > 0; });
+    const Eigen::Quaterniond q =
+        turn.size() == 4 ? Eigen::Quaterniond(turn[3], turn[0], turn[1], turn[2]) : Eigen::Quaterniond(0, 0, 0, 0);
+    if ((!is_box && !is_cylinder) || !is_sized || !place || std::abs(q.norm() - 1) > 0.01) {
+      problem = fmt::format(
+          "structure {}: it takes a 'shape' that is box or cylinder, a 'size' of three positive numbers, a "
+          "'translation' "
+          "of three and, where it is turned, a 'rotation' that is a unit quaternion x, y, z, w",
+          bodies.size() + 1);
+      return std::nullopt;
+    }
+    PlacedMesh body{is_box ? box_mesh({(*size)[0], (*size)[1], (*size)[2]}) : cylinder_mesh((*size)[0], (*size)[2])};
+    body.pose.linear() = q.normalized().toRotationMatrix();
+    body.pose.translation() = Eigen::Vector3d((*place)[0], (*place)[1], (*place)[2]);
+    bodies.push_back(std::move(body));
+  }
+  return bodies;
 }
 
 std::optional<std::vector<KnownThing>> parse_known_things(std::string_view text, std::string& problem) {

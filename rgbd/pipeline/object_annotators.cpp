@@ -5,57 +5,24 @@
 
 #include "rgbd/depth/background.h"
 #include "rgbd/objects/looks.h"
+#include "rgbd/pipeline/declared.h"
+#include "rgbd/pipeline/people_annotators.h"
 
 namespace sherlog::rgbd {
 namespace {
 
-using Names = std::vector<std::string>;
 using Camera = std::optional<Eigen::Isometry3d>;
 using Forms = std::vector<ShapeFit>;
 
-// To so many parts of one: 0.9059 and not 0.90590000000000004.
-double rounded(double value, double parts) { return std::round(value * parts) / parts; }
-
-Value rounded_numbers(const Eigen::Ref<const Eigen::VectorXd>& values) {
-  std::vector<double> numbers(static_cast<std::size_t>(values.size()));
-  for (Eigen::Index i = 0; i < values.size(); ++i) numbers[static_cast<std::size_t>(i)] = rounded(values[i], 1e6);
-  return number_list(numbers);
-}
-
-// What all of them have: a name, what they read and write, how long it takes.
-class Declared : public Annotator {
- public:
-  Declared(std::string name, Names reads, Names writes, double cost)
-      : name_(std::move(name)), reads_(std::move(reads)), writes_(std::move(writes)), cost_(cost) {}
-  std::string name() const override { return name_; }
-  Names reads() const override { return reads_; }
-  Names writes() const override { return writes_; }
-  double cost() const override { return cost_; }
-
- protected:
-  Annotation make(const char* type, Value::Object fields, std::optional<double> confidence = {}) const {
-    Annotation annotation;
-    annotation.type = type;
-    annotation.source = name_;
-    if (confidence) annotation.confidence = rounded(*confidence, 1e4);
-    annotation.fields = std::move(fields);
-    return annotation;
-  }
-
- private:
-  std::string name_;
-  Names reads_, writes_;
-  double cost_;
-};
-
 class Preprocessing : public Declared {
  public:
-  Preprocessing() : Declared("DepthPreprocessing", {"depth", "colour"}, {"filled", "foreground"}, 25) {}
+  Preprocessing() : Declared("DepthPreprocessing", {"depth", "colour"}, {"filled", "disparity", "foreground"}, 25) {}
   void process(const Analysis& in, Analysis& out) override {
     const PreprocessedDepth& result = chain_.next(in.need<DepthImage>("depth"), in.need<ColourImage>("colour"));
     DepthImage filled;
     to_depth(result.disparity, filled);
     out.set("filled", filled);
+    out.set<DisparityImage>("disparity", result.disparity.clone());
     out.set<MaskImage>("foreground", result.foreground.clone());
   }
 
@@ -77,26 +44,32 @@ class CloudMaker : public Declared {
 
 class TableTop : public Declared {
  public:
-  TableTop() : Declared("TableTopAnnotator", {"cloud", "camera"}, {"table", "points"}, 60) {}
+  explicit TableTop(const SemanticMap& map)
+      : Declared("TableTopAnnotator", {"cloud", "camera"}, {"table", "points"}, 60) {
+    for (const Surface& surface : map) options_.heights.push_back(surface.height);
+  }
   void process(const Analysis& in, Analysis& out) override {
     const Cloud& cloud = in.need<Cloud>("cloud");
     std::string problem;
-    auto table = find_table(cloud, in.need<Camera>("camera"), {}, problem);
+    auto table = find_table(cloud, in.need<Camera>("camera"), options_, problem);
     if (!table) throw std::runtime_error(problem);
     out.set("points", above_table(cloud, *table));
     out.set("table", std::move(*table));
   }
+
+ private:
+  TableOptions options_;
 };
 
 class ClusterExtractor : public Declared {
  public:
   ClusterExtractor()
-      : Declared("PointCloudClusterExtractor", {"points", "colour", "table", "calibration"},
+      : Declared("PointCloudClusterExtractor", {"points", "colour", "table", "calibration", "robot"},
                  {"things", "rs.scene.ImageROI", "rs.scene.ClusterPoints"}, 150) {}
   void process(const Analysis& in, Analysis& out) override {
     const Table& table = in.need<Table>("table");
     Hypotheses found = find_hypotheses(in.need<cv::Mat3f>("points"), in.need<ColourImage>("colour"), table,
-                                       in.need<Calibration>("calibration"));
+                                       in.need<Calibration>("calibration"), {}, in.need<MaskImage>("robot"));
     for (std::size_t i = 0; i < found.things.size(); ++i) {
       const Hypothesis& thing = found.things[i];
       out.annotate(i, make("rs.scene.ImageROI", {{"x", Value(std::int64_t{thing.roi.x})},
@@ -313,15 +286,16 @@ class KnownThingsAnnotator : public Declared {
 }  // namespace
 
 const std::vector<std::string>& frame_views() {
-  static const std::vector<std::string> kViews = {"depth", "colour", "calibration", "camera"};
+  static const std::vector<std::string> kViews = {"depth", "colour", "calibration", "camera", "structure"};
   return kViews;
 }
 
 Annotators object_annotators(const Knowledge& knowledge) {
   Annotators annotators;
   annotators.push_back(std::make_unique<Preprocessing>());
+  annotators.push_back(region_filter());
   annotators.push_back(std::make_unique<CloudMaker>());
-  annotators.push_back(std::make_unique<TableTop>());
+  annotators.push_back(std::make_unique<TableTop>(knowledge.map));
   annotators.push_back(std::make_unique<ClusterExtractor>());
   annotators.push_back(std::make_unique<Fitter>());
   annotators.push_back(std::make_unique<ShapeAnnotator>());

@@ -1,17 +1,21 @@
 // The annotators for things on tables, and what they know of the room.
 //
-//   reads                             annotator                     writes
-//   depth colour                      DepthPreprocessing            filled foreground
-//   depth calibration                 CloudAnnotator                cloud
-//   cloud camera                      TableTopAnnotator             table points
-//   points colour table calibration   PointCloudClusterExtractor    things, rs.scene.ImageROI, rs.scene.ClusterPoints
-//   things table                      PrimitiveFitter               forms
-//   forms                             PrimitiveShapeAnnotator       rs.annotation.Shape
-//   forms table                       Cluster3DGeometryAnnotator    rs.annotation.SemanticSize, Geometry,
-//   PoseAnnotation things colour                     ColorAnnotator                rs.annotation.SemanticColor,
-//   MeanColor, HueSaturationHistogram things                            ShapeFeatureAnnotator
-//   rs.annotation.PclFeature forms table map                   LocationAnnotator             rs.annotation.TFLocation
-//   Shape Geometry MeanColor          KnownThingsAnnotator          rs.annotation.Classification
+//   reads                                   annotator                     writes
+//   depth colour                            DepthPreprocessing            filled disparity foreground
+//   depth calibration camera structure      RegionFilter                  known robot
+//   depth calibration                       CloudAnnotator                cloud
+//   cloud camera                            TableTopAnnotator             table points
+//   points colour table calibration robot   PointCloudClusterExtractor    things, rs.scene.ImageROI, ClusterPoints
+//   things table                            PrimitiveFitter               forms
+//   forms                                   PrimitiveShapeAnnotator       rs.annotation.Shape
+//   forms table                             Cluster3DGeometryAnnotator    rs.annotation.SemanticSize, Geometry,
+//                                                                         PoseAnnotation
+//   things colour                           ColorAnnotator                rs.annotation.SemanticColor,
+//                                                                         HueSaturationHistogram,
+//                                                                         sherlog.annotation.MeanColor
+//   things                                  ShapeFeatureAnnotator         rs.annotation.PclFeature
+//   forms table                             LocationAnnotator             rs.annotation.TFLocation
+//   Shape Geometry MeanColor                KnownThingsAnnotator          rs.annotation.Classification
 //
 // Source    names and thresholds of RoboSherlock's annotators (features in perception_bridge/annotation_types.h)
 #pragma once
@@ -21,6 +25,7 @@
 #include <string>
 #include <vector>
 
+#include "rgbd/depth/known_structure.h"
 #include "rgbd/objects/shape.h"
 #include "rgbd/pipeline/flow.h"
 
@@ -35,6 +40,9 @@ struct Surface {
 using SemanticMap = std::vector<Surface>;
 // {"surfaces": [{"name": "table", "min": [x, y], "max": [x, y], "height": z}]}
 std::optional<SemanticMap> parse_map(std::string_view text, std::string& problem);
+// The bodies of the same document's "structure", for the region filter: boxes and cylinders by size and pose. No such list:
+// none. {"structure": [{"shape": "box", "size": [x, y, z], "translation": [x, y, z], "rotation": [x, y, z, w]}]}
+std::optional<std::vector<PlacedMesh>> parse_structure(std::string_view text, std::string& problem);
 
 // A thing that may be there, by its looks.
 struct KnownThing {
@@ -47,8 +55,9 @@ struct KnownThing {
 std::optional<std::vector<KnownThing>> parse_known_things(std::string_view text, std::string& problem);
 
 struct Knowledge {
-  SemanticMap map;
-  std::vector<KnownThing> things;  // empty: nothing is classified
+  SemanticMap map;                         // empty: a table is any level plane from 30 cm up
+  std::vector<KnownThing> things;          // empty: nothing is classified
+  std::vector<PlacedMesh> structure = {};  // of the room, in the world
 };
 
 // Views that a frame brings with it.

@@ -72,12 +72,14 @@ std::vector<std::string> Perception::annotators() const {
   return names;
 }
 
-Perceived Perception::perceive(const Frame& frame, const Calibration& calibration, std::size_t number) {
+Perceived Perception::perceive(const Frame& frame, const Calibration& calibration, std::size_t number,
+                               const KnownBodies& bodies) {
   Perceived result;
   result.analysis.set("depth", frame.depth);
   result.analysis.set("colour", frame.colour);
   result.analysis.set("calibration", calibration);
   result.analysis.set("camera", frame.pose);
+  result.analysis.set("structure", bodies);
   if (const std::string problem = mismatch(frame, calibration); !problem.empty()) {
     result.runs = {{.annotator = "Frame", .problem = problem}};
   } else {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "rgbd/pipeline/object_annotators.h"
+#include "rgbd/pipeline/people_annotators.h"
 #include "rgbd/pipeline/request.h"
 #include "rgbd/pipeline/run.h"
 
@@ -40,7 +41,9 @@ class Perception {
   static std::optional<Perception> make(Annotators annotators, PerceptionOptions options, std::string& problem);
 
   // Times have to grow from frame to frame for annotators that remember.
-  Perceived perceive(const Frame& frame, const Calibration& calibration, std::size_t number);
+  // `bodies`: what the robot knows to be there.
+  Perceived perceive(const Frame& frame, const Calibration& calibration, std::size_t number,
+                     const KnownBodies& bodies = {});
   // In their order.
   std::vector<std::string> annotators() const;
   const RunTimes& times() const { return times_; }

@@ -127,7 +127,8 @@ void follow(const SyntheticSequence& sequence, std::size_t every, Score& score) 
   std::map<std::string, bool> there;  // by name: whether enough of it can be seen
   for (std::size_t index = 0; index < sequence.size(); index += every) {
     const TrueFrame truth = sequence.frame(index);
-    const Perceived perceived = perception->perceive(truth.frame, sequence.calibration(), index);
+    const Perceived perceived =
+        perception->perceive(truth.frame, sequence.calibration(), index, known_bodies(sequence, index));
     for (const AnnotatorRun& run : perceived.runs) ASSERT_EQ(run.problem, "") << run.annotator;
     if (perceived.reaching > 0) continue;
     names.push_back(score_frame(perceived, truth, score));
@@ -152,7 +153,7 @@ void print(const Score& score) {
 
 TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
   Score score;
-  for (const char* name : {"table_moves", "table_removals", "table_occlusion"}) {
+  for (const char* name : {"table_moves", "table_removals", "table_occlusion", "robot_table"}) {
     for (const std::uint64_t seed : {1U, 2U}) {
       follow(*make_sequence(name, {.seed = seed}), 10, score);
       if (HasFatalFailure()) return;
@@ -164,6 +165,8 @@ TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
   EXPECT_GE(score.shapes.rate(), 0.9);
   EXPECT_GE(score.classes.rate(), 0.9);
   EXPECT_GE(score.belief.rate(), 0.95);
+  // No object is invented but one in twenty.
+  EXPECT_LE(static_cast<double>(score.identities), 1.05 * static_cast<double>(score.things));
 }
 
 TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
@@ -178,6 +181,8 @@ TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
   EXPECT_GE(score.shapes.rate(), 0.9);
   EXPECT_GE(score.classes.rate(), 0.9);
   EXPECT_GE(score.belief.rate(), 0.95);
+  // No object is invented but one in twenty.
+  EXPECT_LE(static_cast<double>(score.identities), 1.05 * static_cast<double>(score.things));
 }
 
 }  // namespace

@@ -401,7 +401,7 @@ TEST_F(KitchenTable, FramesWithoutColourHaveTheShapesOfThings) {
   Perception all = perception(R"({"detect": {}})");
   Frame frame = sequence().frame(0).frame;
   const std::size_t with_colour = look(all, frame).scene.clusters.size();
-  frame.colour = {};
+  frame.colour = ColourImage();
   const Perceived perceived = look(all, frame);
   for (const AnnotatorRun& run : perceived.runs) EXPECT_EQ(run.problem, "") << run.annotator;
   EXPECT_GE(perceived.scene.clusters.size() + 2, with_colour);  // what is flat has only colour

@@ -1,0 +1,192 @@
+// The pipeline in rooms where not all is a thing on the one table: robots, floors, other tables, people.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+
+#include "rgbd/pipeline/frame_source.h"
+#include "rgbd/pipeline/perception.h"
+#include "rgbd/pipeline/truth.h"
+#include "rgbd/synthetic/kitchen.h"
+
+namespace sherlog::rgbd {
+namespace {
+
+using Eigen::Vector3d;
+
+Perception everything(const Knowledge& knowledge) {
+  std::string problem;
+  auto made = Perception::make(object_annotators(knowledge), {.request = Request{}, .threads = 1}, problem);
+  EXPECT_TRUE(made) << problem;
+  return std::move(*made);
+}
+
+void add_block(Scene& scene, const char* name, const Vector3d& low, const Vector3d& high, cv::Vec3b colour) {
+  Entity entity{.name = name, .size = high - low};
+  entity.pose.translation() = (low + high) / 2;
+  const std::uint16_t number = scene.add(entity);
+  scene.bodies.push_back(
+      {.shape = BodyShape::kBox, .size = high - low, .pose = entity.pose, .colour = colour, .entity = number});
+}
+
+// A floor, two tables beside each other with a gap between them, the second one so high; a thing on each.
+SyntheticSequence two_tables(double height_of_second) {
+  Scene room;
+  add_block(room, "floor", {-4, -2, -0.1}, {4, 5, 0}, {110, 120, 130});
+  add_block(room, "left table", {-0.85, 1, 0.7}, {-0.1, 1.6, 0.75}, {90, 130, 170});
+  const double top = height_of_second;
+  add_block(room, "right table", {0.1, 1, top - 0.05}, {0.85, 1.6, top}, {90, 130, 170});
+  const auto story = [top](double) {
+    Scene scene;
+    add_thing(scene, things()[1], "left thing", {-0.45, 1.25, 0.75}, 0.2, false);
+    add_thing(scene, things()[2], "right thing", {0.45, 1.25, top}, 0.4, false);
+    return scene;
+  };
+  return {"tables", kinect_calibration(320, 240), look_at({0, -0.1, 1.6}, {0, 1.3, 0.7}), 2, room, story, {}, 1};
+}
+
+std::multiset<std::string> names_found(Perception& perception, const SyntheticSequence& sequence, std::size_t index) {
+  const TrueFrame truth = sequence.frame(index);
+  const Perceived perceived =
+      perception.perceive(truth.frame, sequence.calibration(), index, known_bodies(sequence, index));
+  std::multiset<std::string> names;
+  if (const auto* found = perceived.analysis.view<Hypotheses>("things")) {
+    for (const Hypothesis& thing : found->things) {
+      const Entity* entity = entity_of(thing, truth);
+      names.insert(entity == nullptr ? "nothing" : entity->name);
+    }
+  }
+  return names;
+}
+
+TEST(Tables, OfOneHeightAreAllLookedAt) {
+  const SyntheticSequence sequence = two_tables(0.75);
+  Perception perception = everything({});
+  EXPECT_EQ(names_found(perception, sequence, 0), (std::multiset<std::string>{"left thing", "right thing"}));
+}
+
+TEST(Tables, AMapSaysWhichOfTwoHeightsIsMeant) {
+  const SyntheticSequence sequence = two_tables(0.9);
+  for (const auto& [height, name] : {std::pair{0.75, "left thing"}, {0.9, "right thing"}}) {
+    Perception perception = everything({.map = {{"mine", {-2, -2}, {2, 3}, height}}, .things = {}});
+    const auto names = names_found(perception, sequence, 0);
+    EXPECT_EQ(names.count(name), 1u) << fmt::format("{}", fmt::join(names, ", "));
+  }
+}
+
+TEST(Tables, TheFloorIsNone) {
+  // More floor than anything else.
+  const auto sequence = make_sequence("people_crossing", {.width = 320, .height = 240});
+  const TrueFrame truth = sequence->frame(0);
+  std::string problem;
+  const auto table = find_table(cloud_of(truth.frame.depth, sequence->calibration()), sequence->camera(), {}, problem);
+  EXPECT_TRUE(!table || table->in_world.translation().z() > 0.3);
+  TableOptions options;
+  options.heights = {0.5};
+  EXPECT_FALSE(find_table(cloud_of(truth.frame.depth, sequence->calibration()), sequence->camera(), options, problem));
+  EXPECT_NE(problem.find("there is no table top"), std::string::npos) << problem;
+}
+
+TEST(Structure, IsReadFromTheMap) {
+  std::string problem;
+  const auto bodies = parse_structure(
+      R"({"surfaces": [], "structure": [{"shape": "box", "size": [1, 2, 3], "translation": [0, 0, 1]},
+          {"shape": "cylinder", "size": [1, 1, 3], "translation": [0, 5, 1], "rotation": [0, 0, 1, 0]}]})",
+      problem);
+  ASSERT_TRUE(bodies) << problem;
+  ASSERT_EQ(bodies->size(), 2u);
+  EXPECT_EQ((*bodies)[1].pose.translation(), Vector3d(0, 5, 1));
+  EXPECT_EQ(parse_structure(R"({"surfaces": []})", problem)->size(), 0u);
+  for (const char* text : {R"({"structure": [{"shape": "ball", "size": [1, 1, 1], "translation": [0, 0, 0]}]})",
+                           R"({"structure": [{"shape": "box", "size": [1, 0, 1], "translation": [0, 0, 0]}]})",
+                           R"({"structure": [{"shape": "box", "size": [1, 1, 1]}]})",
+                           R"({"structure": [{"shape": "box", "size": [1, 1, 1], "translation": [0, 0, 0],
+                               "rotation": [1, 1, 1, 1]}]})"}) {
+    EXPECT_FALSE(parse_structure(text, problem)) << text;
+    EXPECT_NE(problem.find("structure 1"), std::string::npos) << problem;
+  }
+}
+
+TEST(RobotsArm, IsNoThingAndReachesOverTheTable) {
+  const auto sequence = make_sequence("robot_table");
+  Perception perception = everything(knowledge_of(*sequence));
+  std::size_t reaching = 0;
+  for (const std::size_t index : {0U, 30U, 60U, 100U, 130U}) {
+    const TrueFrame truth = sequence->frame(index);
+    const Perceived perceived =
+        perception.perceive(truth.frame, sequence->calibration(), index, known_bodies(*sequence, index));
+    for (const Hypothesis& thing : perceived.analysis.view<Hypotheses>("things")->things)
+      EXPECT_NE(entity_of(thing, truth), nullptr) << fmt::format("frame {}: at {}, {}, {} x {}", index, thing.roi.x,
+                                                                 thing.roi.y, thing.roi.width, thing.roi.height);
+    const bool is_over = std::ranges::any_of(truth.scene.bodies, [&](const Body& body) {
+      const Vector3d at = body.pose.translation();
+      return truth.scene.entities[body.entity - 1U].kind == EntityKind::kRobot && std::abs(at.x()) < 0.4;
+    });
+    EXPECT_TRUE(!is_over || perceived.reaching > 0) << "frame " << index;
+    reaching += perceived.reaching > 0 ? 1U : 0U;
+  }
+  EXPECT_GT(reaching, 1u);
+}
+
+TEST(People, HaveLabelsThatLastAndPlacesInTheWorld) {
+  const auto sequence = make_sequence("people_crossing", {.width = 320, .height = 240});
+  std::string problem;
+  Annotators annotators = object_annotators({});
+  for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
+  auto perception =
+      Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}, .threads = 1}, problem);
+  ASSERT_TRUE(perception) << problem;
+  EXPECT_EQ(perception->annotators(),
+            (std::vector<std::string>{"DepthPreprocessing", "RegionFilter", "HumanAnnotator"}));
+  std::map<std::int32_t, std::set<std::int32_t>> labels;  // by the true person
+  std::size_t seen = 0, postures = 0;
+  for (std::size_t index = 0; index < 130; ++index) {
+    const TrueFrame truth = sequence->frame(index);
+    const Perceived perceived =
+        perception->perceive(truth.frame, sequence->calibration(), index, known_bodies(*sequence, index));
+    for (const AnnotatorRun& run : perceived.runs) ASSERT_EQ(run.problem, "") << run.annotator;
+    const auto* people = perceived.analysis.view<std::vector<Person>>("people");
+    ASSERT_NE(people, nullptr);
+    EXPECT_EQ(annotations_of(perceived.scene.annotations, "sherlog.annotation.Person").size(), people->size());
+    for (const Person& person : *people) {
+      double nearest = 10;
+      std::int32_t who = 0;
+      for (const Entity& entity : truth.scene.entities) {
+        for (const auto& [joint, place] : entity.joints) {
+          const double distance = (place - person.position).head<2>().norm();
+          if (distance < nearest) nearest = distance, who = entity.person;
+        }
+      }
+      EXPECT_LT(nearest, 0.35) << "frame " << index;
+      labels[who].insert(person.label);
+      postures = std::max(postures, person.posture + 1);
+      ++seen;
+    }
+  }
+  EXPECT_GT(seen, 60u);
+  EXPECT_GT(postures, 3u);
+  std::set<std::int32_t> all;
+  for (const auto& [who, its] : labels) {
+    EXPECT_EQ(its.size(), 1u) << "person " << who;
+    all.insert(its.begin(), its.end());
+  }
+  EXPECT_EQ(all.size(), labels.size());
+}
+
+TEST(People, NobodyIsNobody) {
+  const auto sequence = make_sequence("empty_room", {.width = 320, .height = 240});
+  std::string problem;
+  Annotators annotators = object_annotators({});
+  for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
+  auto perception =
+      Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}, .threads = 1}, problem);
+  ASSERT_TRUE(perception) << problem;
+  for (std::size_t index = 0; index < sequence->size(); ++index) {
+    const Perceived perceived = perception->perceive(sequence->frame(index).frame, sequence->calibration(), index);
+    EXPECT_TRUE(annotations_of(perceived.scene.annotations, "sherlog.annotation.Person").empty());
+  }
+}
+
+}  // namespace
+}  // namespace sherlog::rgbd
