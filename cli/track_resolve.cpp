@@ -1,6 +1,7 @@
 // sherlog track resolve: who is who in the scenes of a store; the belief goes back into it.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 
@@ -109,18 +110,82 @@ Json resolve_json(const SceneTracker& tracker, Termination termination, const Js
   return json;
 }
 
-// What is believed now, and what was found out on the way. False where the store could not be written.
-bool keep(SceneStore& store, const SceneTracker& tracker, const std::vector<StoredBelief>& beliefs, bool restart) {
-  bool good = store.begin();
-  for (const std::string& id : store.identities()) {
-    // Those of the run before; what people named stays.
-    if (restart && id.starts_with(TrackerOptions{}.prefix)) good = good && store.remove_identity(id);
+bool are_equal(const Identity& a, const Identity& b) {
+  const auto same = [](const Sighting& x, const Sighting& y) {
+    return x.scene == y.scene && x.cluster == y.cluster && x.probability == y.probability &&
+           x.explanation == y.explanation;
+  };
+  return a.last_seen == b.last_seen && a.was_seen == b.was_seen && a.in_view == b.in_view &&
+         a.disappeared == b.disappeared && std::ranges::equal(a.sightings, b.sightings, same);
+}
+
+// What goes into the store: in batches, so that little is lost where the program is killed.
+class Keeper {
+ public:
+  Keeper(SceneStore& store, const Resolving& resolving) : store_(store), resolving_(resolving) {}
+
+  // What the store has already.
+  void know(const SceneTracker& tracker) {
+    for (const TrackedObject& object : tracker.objects()) stored_[object.identity.id] = object.identity;
   }
-  for (const std::string& id : tracker.removed()) good = good && store.remove_identity(id);
-  for (const StoredBelief& belief : beliefs) good = good && store.add(belief);
-  for (const TrackedObject& object : tracker.objects()) good = good && store.add(object.identity);
-  good = good && store.remove_beliefs(kState) && store.add(StoredBelief{beliefs.back().scene, kState, tracker.state()});
-  return good && store.commit();
+  void add(StoredBelief belief) { beliefs_.push_back(std::move(belief)); }
+  bool is_full() const { return beliefs_.size() >= kBatch; }
+
+  // What is believed now, and what was found out on the way. False where the store could not be written.
+  bool keep(const SceneTracker& tracker) {
+    if (resolving_.dry_run || beliefs_.empty()) return true;
+    bool good = store_.begin();
+    if (resolving_.restart && !cleared_) {
+      for (const std::string& id : store_.identities()) {
+        // Those of the run before; what people named stays.
+        if (id.starts_with(TrackerOptions{}.prefix)) good = good && store_.remove_identity(id);
+      }
+      good = good && store_.remove_beliefs(kBelief);
+    }
+    for (const std::string& id : tracker.removed()) {
+      good = good && store_.remove_identity(id);
+      stored_.erase(id);
+    }
+    for (const StoredBelief& belief : beliefs_) good = good && store_.add(belief);
+    for (const TrackedObject& object : tracker.objects()) {
+      const auto known = stored_.find(object.identity.id);
+      if (known != stored_.end() && are_equal(known->second, object.identity)) continue;
+      good = good && store_.add(object.identity);
+      stored_[object.identity.id] = object.identity;
+    }
+    good = good && store_.remove_beliefs(kState) &&
+           store_.add(StoredBelief{beliefs_.back().scene, kState, tracker.state()}) && store_.commit();
+    if (!good) {
+      problem_ = store_.problem();
+      store_.roll_back();
+      return false;
+    }
+    cleared_ = true;
+    beliefs_.clear();
+    return true;
+  }
+  const std::string& problem() const { return problem_; }
+
+ private:
+  static constexpr std::size_t kBatch = 200;  // scenes
+
+  SceneStore& store_;
+  const Resolving& resolving_;
+  bool cleared_ = false;
+  std::map<std::string, Identity> stored_;
+  std::vector<StoredBelief> beliefs_;
+  std::string problem_;
+};
+
+// Scenes before the last one of an earlier run that it did not see.
+std::uint64_t count_late(SceneStore& store, const SceneFilter& filter, double resumed) {
+  std::uint64_t late = 0;
+  SceneFilter earlier = filter;
+  earlier.to = std::min(filter.to, resumed);
+  for (const SceneSummary& scene : store.scenes(earlier)) {
+    if (scene.time < resumed && !store.belief(scene.id, kBelief)) ++late;
+  }
+  return late;
 }
 
 // The steps that were new; a step that has no answer ends it.
@@ -136,11 +201,16 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
                {"or else", Align::kLeft}});
   Json steps = Json::array();
   Termination termination = Termination::kCompleted;
-  std::vector<StoredBelief> beliefs;
-  std::uint64_t late = 0;
+  Keeper keeper(store, resolving);
+  keeper.know(tracker);
+  std::uint64_t late = 0, done = 0;
+  bool is_kept = true;
+  if (resumed) {
+    late = count_late(store, *filter, *resumed);
+    filter->from = std::max(filter->from, *resumed);
+  }
   store.for_each_scene(*filter, [&](const Scene& scene) {
     if (resumed && scene.timestamp <= *resumed && store.belief(scene.id, kBelief)) return true;  // of an earlier run
-    if (resumed && scene.timestamp < *resumed) return ++late, true;
     if (session.monitor().interrupted()) termination = Termination::kInterrupted;
     if (session.seconds_left() <= 0) termination = Termination::kTimeLimit;
     if (termination != Termination::kCompleted) return false;
@@ -148,12 +218,18 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
     termination = step.termination;
     if (termination != Termination::kCompleted) {
       session.error(fmt::format("{}: {}", scene.id, step.message));
+      if (termination == Termination::kRefused &&
+          scene.clusters.size() * tracker.objects().size() > resolving.tracker.most_pairs)
+        session.error(
+            "--max-pairs raises the limit, --forget leaves out what was not seen for long, --from goes on behind it");
       return false;
     }
-    beliefs.push_back({scene.id, kBelief, step_to_json(step)});
+    keeper.add({scene.id, kBelief, step_to_json(step)});
+    ++done;
     steps.push_back(step_json(step));
     add_step(table, step);
-    return true;
+    is_kept = !keeper.is_full() || keeper.keep(tracker);
+    return is_kept;
   });
   if (late > 0) {
     session.warning(
@@ -161,14 +237,11 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
                     "them in",
                     late));
   }
-  if (!resolving.dry_run && !beliefs.empty()) {
-    if (!keep(store, tracker, beliefs, resolving.restart)) {
-      const std::string problem = store.problem();
-      store.roll_back();
-      return session.error(problem.empty() ? "the belief could not be stored" : problem), kBadInput;
-    }
+  if (!is_kept || !keeper.keep(tracker)) {
+    session.error(keeper.problem().empty() ? "the belief could not be stored" : keeper.problem());
+    return kBadInput;
   }
-  std::string text = fmt::format("{} scenes, {} objects\n", beliefs.size(), tracker.objects().size());
+  std::string text = fmt::format("{} scenes, {} objects\n", done, tracker.objects().size());
   const auto counts = tracker.arbiter_counts();
   if (counts) text += arbiter_text(*counts);
   text += "\n" + table.text();

@@ -11,7 +11,7 @@
 namespace sherlog {
 namespace {
 
-constexpr std::uint32_t kMaxAnchors = 4096;
+constexpr std::uint32_t kMaxAnchors = 16384;   // a byte for each two of them
 constexpr std::uint32_t kMaxValues = 11;       // on-values of an anchor: their pairs are counted in seven bits
 constexpr std::uint8_t kStatedAtOnce = 0x80;   // a clause with a positive literal excludes several values in one go
 constexpr double kMaxClusterValues = 1 << 14;  // joint values that a cluster may have, times the states of its row

@@ -1,5 +1,7 @@
 #include "inference/standing_question.h"
 
+#include <algorithm>
+
 #include "grounding/ground.h"
 #include "mln/query.h"
 
@@ -44,7 +46,9 @@ StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& m
   answer.ground_seconds = ground_result.seconds;
   if (!ground_result.network) return stop(ground_result.termination, ground_result.message);
   const GroundNetwork& network = *ground_result.network;
-  const InferenceResult result = infer(network, options_, monitor);
+  InferenceOptions options = options_;
+  options.max_seconds = std::max(0.0, options_.max_seconds - ground_result.seconds);
+  const InferenceResult result = infer(network, options, monitor);
   answer.infer_seconds = result.seconds;
   answer.method = result.method;
   if (result.termination != Termination::kCompleted || (result.marginals.empty() && !result.map)) {

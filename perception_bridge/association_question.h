@@ -2,11 +2,13 @@
 //
 // Idea      An evidence mapping compares the clusters, the engine answers, and the marginals of is(old, new, explanation) are the
 //           belief. Everything that compares two looks asks through this: the tracker, its second thoughts, the pictures.
-// Model     any that declares is(old, new, explanation), appear, disappear, hidden, and what the mapping writes
+// Model     any that declares is(old, new, explanation), appear(new), disappear(old), hidden(old), and what the mapping
+//           writes
 // Errors    those of the model when it is made; later each answer has a termination and a sentence
 // Cost      one grounding and one inference, quadratic in the clusters
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <span>
@@ -45,6 +47,14 @@ class AssociationQuestion {
   std::unique_ptr<StandingQuestion> question_;
   EvidenceMapping mapping_;
 };
+
+// The constants of is(old, new, explanation) that are stay, move and newview, upper and lower case alike. Nothing, and a sentence,
+// where `is` is of another form or has explanations besides these and `not`: nobody would know whether they mean the same object.
+std::optional<std::array<ConstantIndex, 3>> explanation_constants(const Model& model, std::string& problem);
+// What the model's atoms say of old and new clusters, which are `old_prefix`0, ... or 1, ... by `first`.
+IdentityBelief belief_of(const StandingQuestion& question, const StandingQuestion::Answer& answer,
+                         const std::array<std::string, 2>& prefixes, std::size_t first, std::size_t olds,
+                         std::size_t news);
 
 // By old cluster: whether its place lies outside what the scene looks at. One without a position counts as in view.
 std::vector<bool> out_of_view_of(std::span<const Cluster> olds, const Scene& now);

@@ -11,7 +11,8 @@
 
 namespace sherlog {
 
-// Probabilities. What is missing to 1 in a row or column is that of the cluster being alone: appeared; disappeared or hidden.
+// Probabilities. What is missing to 1 in a row or column is that of the cluster being alone: appeared; disappeared or hidden. Where
+// a model says itself what has appeared, disappeared or is hidden, that counts.
 class IdentityBelief {
  public:
   IdentityBelief() = default;
@@ -25,10 +26,21 @@ class IdentityBelief {
   const std::array<double, 3>& pair(std::size_t o, std::size_t n) const { return pairs_[o * new_ + n]; }
   double same(std::size_t o, std::size_t n) const { return pair(o, n)[0] + pair(o, n)[1] + pair(o, n)[2]; }
   double appeared(std::size_t n) const;
+  void set_appeared(std::size_t n, double probability) { alone_at(appeared_, new_, n) = probability; }
+  void set_disappeared(std::size_t o, double probability) { alone_at(disappeared_, old_, o) = probability; }
+  void set_hidden(std::size_t o, double probability) { alone_at(hidden_, old_, o) = probability; }
+  // What an old cluster that is none of the new ones is: the more probable of the two, the view decides where they are equal.
+  ClusterExplanation unseen(std::size_t o, bool out_of_view) const;
 
  private:
+  static double& alone_at(std::vector<double>& of, std::size_t count, std::size_t i) {
+    if (of.empty()) of.assign(count, -1);
+    return of[i];
+  }
+
   std::size_t old_ = 0, new_ = 0;
   std::vector<std::array<double, 3>> pairs_;
+  std::vector<double> appeared_, disappeared_, hidden_;  // empty, or negative: not stated
 };
 
 // The matching with the largest expected number of new clusters that it associates rightly, and the most probable explanation

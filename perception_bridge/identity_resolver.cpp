@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "inference/standing_question.h"
+#include "perception_bridge/association_question.h"
 #include "perception_bridge/grades.h"
 
 namespace sherlog {
@@ -114,9 +115,6 @@ struct IdentityResolver::Parts {
   Grading grading;
   StandingQuestion question;
   bool with_sees_place = false;
-  PredicateId is;
-  DomainId old_domain, new_domain, explanation_domain;
-  std::size_t old_argument = 0, new_argument = 1, explanation_argument = 2;
 };
 
 IdentityResolver::IdentityResolver(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
@@ -131,17 +129,8 @@ std::unique_ptr<IdentityResolver> IdentityResolver::make(std::string name, Model
     problem = fmt::format("the model does not declare '{}'", predicate);
     return nullptr;
   }
-  const PredicateId is = *model.find_predicate("is");
-  const auto& domains = model.predicate(is).domains;
-  if (domains.size() != 3) {
-    problem = "'is' must have three arguments: old cluster, new cluster, explanation";
-    return nullptr;
-  }
-  for (const char* constant : {"stay", "move", "newview"}) {
-    if (model.domain(domains[2]).find(constant)) continue;
-    problem = fmt::format("the explanations of 'is' lack '{}'", constant);
-    return nullptr;
-  }
+  if (!explanation_constants(model, problem)) return nullptr;
+  const auto& domains = model.predicate(*model.find_predicate("is")).domains;
   if (model.domain(domains[0]).name != "oldCluster" || model.domain(domains[1]).name != "newCluster") {
     problem = "the arguments of 'is' must be of the domains oldCluster and newCluster";
     return nullptr;
@@ -158,7 +147,7 @@ std::unique_ptr<IdentityResolver> IdentityResolver::make(std::string name, Model
   auto parts = std::unique_ptr<Parts>(new Parts{
       std::move(name), grading,
       StandingQuestion(std::move(model), {std::begin(kAnswers), std::end(kAnswers)}, open, std::move(options)),
-      with_sees_place, is, domains[0], domains[1], domains[2]});
+      with_sees_place});
   return std::unique_ptr<IdentityResolver>(new IdentityResolver(std::move(parts)));
 }
 
@@ -168,7 +157,6 @@ IdentityResolver::Belief IdentityResolver::believe(const FourTablesTrial& trial)
   const auto start = std::chrono::steady_clock::now();
   const Parts& p = *parts_;
   Belief out;
-  out.belief = IdentityBelief(trial.old_clusters.size(), trial.new_clusters.size());
   const std::string evidence = identity_evidence(trial, p.grading, p.with_sees_place);
   out.evidence_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Monitor quiet;
@@ -179,28 +167,7 @@ IdentityResolver::Belief IdentityResolver::believe(const FourTablesTrial& trial)
   out.ground_seconds = answer.ground_seconds;
   out.infer_seconds = answer.infer_seconds;
   if (answer.termination != Termination::kCompleted) return out;
-  const Model& model = p.question.model();
-  // Constants to positions: O3 is 2.
-  const auto positions = [&](DomainId domain, char letter, std::size_t count) {
-    std::vector<std::size_t> by_constant(answer.evidence->domain_size(model, domain), count);
-    for (std::size_t i = 0; i < count; ++i) {
-      if (const auto c = answer.evidence->find_constant(model, domain, fmt::format("{}{}", letter, i + 1)))
-        by_constant[*c] = i;
-    }
-    return by_constant;
-  };
-  const auto old_position = positions(p.old_domain, 'O', trial.old_clusters.size());
-  const auto new_position = positions(p.new_domain, 'N', trial.new_clusters.size());
-  const Domain& explanations = model.domain(p.explanation_domain);
-  const ConstantIndex kinds[] = {*explanations.find("stay"), *explanations.find("move"), *explanations.find("newview")};
-  for (const StandingQuestion::Atom& atom : answer.atoms) {
-    if (atom.predicate != p.is) continue;
-    const std::size_t o = old_position[atom.arguments[0]], n = new_position[atom.arguments[1]];
-    if (o >= trial.old_clusters.size() || n >= trial.new_clusters.size()) continue;  // the model's own constants
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (atom.arguments[2] == kinds[k]) out.belief.pair(o, n)[k] = atom.probability;
-    }
-  }
+  out.belief = belief_of(p.question, answer, {"O", "N"}, 1, trial.old_clusters.size(), trial.new_clusters.size());
   return out;
 }
 

@@ -14,17 +14,23 @@
 namespace sherlog {
 namespace {
 
-constexpr double kLeastOdds = -20, kMostOdds = 43, kStep = 0.125;  // what nine bits of learning.mln hold
-constexpr std::size_t kBits = 9;
+constexpr double kLeastOdds = -40, kMostOdds = 87, kStep = 0.125;  // what ten bits of learning.mln hold
+constexpr std::size_t kBits = 10;
 
-void write_bits(std::string& text, const char* predicate, std::size_t o, std::size_t n, double grade) {
-  const double odds = std::clamp(std::log(grade / (1 - grade)), kLeastOdds, kMostOdds);
-  const auto number = static_cast<std::uint32_t>(std::lround((odds - kLeastOdds) / kStep));
+double log_odds(double grade) { return std::log(grade / (1 - grade)); }
+
+void write_choice(std::string& text, std::size_t n, const std::string& choice, double odds) {
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "free(N{},{})\n", n + 1, choice);
+  const auto number =
+      static_cast<std::uint32_t>(std::lround((std::clamp(odds, kLeastOdds, kMostOdds) - kLeastOdds) / kStep));
   for (std::size_t bit = 0; bit < kBits; ++bit) {
-    if ((number >> bit & 1u) != 0)
-      fmt::format_to(std::back_inserter(text), "{}(O{},N{},B{})\n", predicate, o + 1, n + 1, bit);
+    if ((number >> bit & 1u) != 0) fmt::format_to(out, "odds(N{},{},B{})\n", n + 1, choice, bit);
   }
 }
+
+// How a choice of the old cluster is called: Cstay3, Cmove3, Cnewview3.
+std::string choice_of(std::string_view kind, std::size_t o) { return fmt::format("C{}{}", kind, o + 1); }
 
 LearnedWeights failed(Termination termination, std::string message) {
   LearnedWeights out;
@@ -40,15 +46,33 @@ void IdentityTrainingData::add(const KnownStep& step) {
   ++steps_;
   if (!text_.empty()) text_ += "---\n";
   const auto out = std::back_inserter(text_);
-  const std::size_t news = step.grades.size() / step.in_view.size();
-  for (std::size_t o = 0; o < step.in_view.size(); ++o) {
-    if (step.in_view[o]) fmt::format_to(out, "seesPlace(O{})\n", o + 1);
+  const std::size_t olds = step.in_view.size(), news = step.grades.size() / olds;
+  std::vector<std::size_t> owner(olds, news);  // the new cluster that is it
+  for (std::size_t o = 0; o < olds; ++o) {
     for (std::size_t n = 0; n < news; ++n) {
-      const std::size_t pair = o * news + n;
-      fmt::format_to(out, "is(O{},N{},{})\n", o + 1, n + 1, step.truth[pair]);
-      write_bits(text_, "similarOdds", o, n, step.grades[pair].similar);
-      write_bits(text_, "proximityOdds", o, n, step.grades[pair].proximity);
+      if (step.truth[o * news + n] != "not") owner[o] = n;
     }
+    for (const char* kind : {"stay", "move", "newview"}) {
+      const std::string choice = choice_of(kind, o);
+      fmt::format_to(out, "kind({},{})\n{}({})\n", choice, kind, step.in_view[o] ? "placeInView" : "placeOutOfView",
+                     choice);
+    }
+  }
+  for (std::size_t n = 0; n < news; ++n) {
+    std::string truth = "None";
+    write_choice(text_, n, "None", 0);
+    for (std::size_t o = 0; o < olds; ++o) {
+      if (owner[o] != news && owner[o] != n) continue;
+      const std::size_t pair = o * news + n;
+      const double similar = log_odds(step.grades[pair].similar), close = log_odds(step.grades[pair].proximity);
+      if (owner[o] == n) truth = choice_of(step.truth[pair], o);
+      write_choice(text_, n, choice_of("move", o), similar);
+      // What is out of view is not seen again at its place; in simulated data the edge of the view is not exact.
+      if (!step.in_view[o] && step.truth[pair] != "stay" && step.truth[pair] != "newview") continue;
+      write_choice(text_, n, choice_of("stay", o), similar + close);
+      write_choice(text_, n, choice_of("newview", o), close);
+    }
+    fmt::format_to(out, "was(N{},{})\n", n + 1, truth);
   }
 }
 
@@ -62,7 +86,7 @@ LearnedWeights learn_identity_weights(const IdentityTrainingData& data, const We
   options.method = how.method;
   options.threads = how.threads;
   options.max_seconds = how.max_seconds;
-  options.discriminative.push_back(*model->find_predicate("is"));
+  options.discriminative.push_back(*model->find_predicate("was"));
   const LearningResult learned = learn(*model, *databases, options, monitor);
   LearnedWeights out;
   if (learned.termination != Termination::kCompleted || learned.weights.size() < out.weights.size()) {
@@ -70,6 +94,7 @@ LearnedWeights learn_identity_weights(const IdentityTrainingData& data, const We
   }
   const std::size_t first = learned.weights.size() - out.weights.size();
   for (std::size_t i = 0; i < out.weights.size(); ++i) out.weights[i] = learned.weights[first + i].weight;
+  out.weights[4] *= -1, out.weights[5] *= -1;
   out.objective = learned.objective.value_or(0);
   out.iterations = learned.iterations;
   return out;

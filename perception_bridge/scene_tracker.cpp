@@ -93,7 +93,10 @@ std::optional<SceneTracker::Finding> SceneTracker::arbitrate(const Scene& scene,
   finding.open.assign(scene.clusters.size(), false);
   finding.others.resize(scene.clusters.size());
   finding.resolution.association.resize(scene.clusters.size());
-  finding.resolution.explanation.resize(candidates.objects.size());  // only that of the matched ones is read
+  for (const bool out_of_view : candidates.out_of_view) {
+    finding.resolution.explanation.push_back(out_of_view ? ClusterExplanation::kHidden
+                                                         : ClusterExplanation::kDisappear);
+  }
   for (std::size_t n = 0; n < scene.clusters.size(); ++n) {
     if (const auto o = judgement.association[n]) {
       finding.resolution.association[n] = static_cast<std::uint32_t>(*o);
@@ -149,15 +152,16 @@ TrackedObject& SceneTracker::take_new(const Scene& scene, const Cluster& cluster
   return objects_.emplace_back(std::move(object));
 }
 
-void SceneTracker::mark_unseen(const Candidates& candidates, const std::vector<bool>& seen, TrackingStep& step) {
+void SceneTracker::mark_unseen(const Candidates& candidates, const Finding& finding, const std::vector<bool>& seen,
+                               TrackingStep& step) {
   for (std::size_t o = 0; o < candidates.objects.size(); ++o) {
     Identity& identity = objects_[candidates.objects[o]].identity;
-    const bool out_of_view = candidates.out_of_view[o];
+    const bool is_hidden = !seen[o] && finding.resolution.explanation[o] == ClusterExplanation::kHidden;
     identity.was_seen = seen[o];
-    identity.in_view = seen[o] || !out_of_view;
+    identity.in_view = seen[o] || !candidates.out_of_view[o];
     // What is hidden now may have disappeared before.
-    if (seen[o] || !out_of_view) identity.disappeared = !seen[o];
-    if (!seen[o]) (out_of_view ? step.hidden : step.disappeared).push_back(identity.id);
+    if (!is_hidden) identity.disappeared = !seen[o];
+    if (!seen[o]) (is_hidden ? step.hidden : step.disappeared).push_back(identity.id);
   }
 }
 
@@ -207,7 +211,7 @@ TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
     }
     names.push_back(entry.object);
   }
-  mark_unseen(candidates, seen, step);
+  mark_unseen(candidates, *finding, seen, step);
   if (arbiter_) arbiter_->settle(scene, names, *step.verdict);
   if (std::ranges::find(finding->open, true) != finding->open.end()) {
     OpenQuestion question{scene, {}, std::move(names), std::move(finding->open)};

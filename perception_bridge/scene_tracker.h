@@ -134,7 +134,8 @@ class SceneTracker {
   void take_known(const Scene& scene, const Cluster& cluster, TrackedObject& object, const std::string& explanation,
                   double probability, bool open);
   TrackedObject& take_new(const Scene& scene, const Cluster& cluster, double probability);
-  void mark_unseen(const Candidates& candidates, const std::vector<bool>& seen, TrackingStep& step);
+  void mark_unseen(const Candidates& candidates, const Finding& finding, const std::vector<bool>& seen,
+                   TrackingStep& step);
 
   // Second thoughts about earlier scenes, in scene_tracker_revision.cpp.
   struct Answered;

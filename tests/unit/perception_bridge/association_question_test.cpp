@@ -92,6 +92,89 @@ TEST(IdentityBelief, WhatIsMissingToOneHasAppeared) {
   EXPECT_EQ(belief.appeared(0), 0) << "rounding does not make it negative";
 }
 
+std::string with(std::string model, const std::string& what, const std::string& instead) {
+  for (std::size_t at = model.find(what); at != std::string::npos; at = model.find(what, at + instead.size()))
+    model.replace(at, what.size(), instead);
+  return model;
+}
+
+std::optional<AssociationQuestion> question_of(const std::string& model, std::string& problem) {
+  Diagnostics diagnostics;
+  auto parsed = parse_model(model, "model", diagnostics);
+  EXPECT_TRUE(parsed) << diagnostics.render();
+  return AssociationQuestion::make(std::move(*parsed), *shipped_mapping("identity"), {}, problem);
+}
+
+TEST(AssociationQuestion, ModelsMayShoutTheirExplanations) {
+  std::string model(paper_identity_model()), problem;
+  for (const auto& [word, loud] : {std::pair{"{move, stay, newview, not}", "{MOVE, STAY, NEWVIEW, NOT}"},
+                                   {", move)", ", MOVE)"},
+                                   {", stay)", ", STAY)"},
+                                   {", newview)", ", NEWVIEW)"},
+                                   {", not)", ", NOT)"},
+                                   {"= not)", "= NOT)"}}) {
+    model = with(model, word, loud);
+  }
+  const auto question = question_of(model, problem);
+  ASSERT_TRUE(question) << problem;
+  Monitor quiet;
+  const auto answer = question->ask(kTwoPairs, 2, 2, quiet);
+  ASSERT_EQ(answer.termination, Termination::kCompleted) << answer.message;
+  EXPECT_NEAR(answer.belief.pair(0, 0)[0], 0.628921, 1e-6);
+}
+
+TEST(AssociationQuestion, AnExplanationThatNobodyKnowsIsRefused) {
+  std::string problem;
+  const std::string model(paper_identity_model());
+  EXPECT_FALSE(question_of(with(model, "newview, not}", "newview, replaced, not}"), problem));
+  EXPECT_THAT(problem, HasSubstr("'replaced'"));
+}
+
+// What the model says of a cluster that is alone counts, not what the view would say.
+TEST(AssociationQuestion, WhatHasDisappearedIsTheModelsWord) {
+  std::string problem;
+  std::string model = with(std::string(paper_identity_model()), "^ !outOfView(o).", "^ outOfView(o).");
+  model =
+      with(model, "hidden(o)    <=> !(EXIST n (is(o, n, stay) v is(o, n, move) v is(o, n, newview))) ^ outOfView(o).",
+           "hidden(o)    <=> !(EXIST n (is(o, n, stay) v is(o, n, move) v is(o, n, newview))) ^ !outOfView(o).");
+  const auto question = question_of(model, problem);
+  ASSERT_TRUE(question) << problem;
+  Monitor quiet;
+  const std::string alone =
+      "oldCluster = {O0, O1}\nnewCluster = {N0}\n0.01 similar(O0,N0)\n0.01 proximity(O0,N0)\n"
+      "0.01 similar(O1,N0)\n0.01 proximity(O1,N0)\noutOfView(O1)\n";
+  const auto answer = question->ask(alone, 2, 1, quiet);
+  ASSERT_EQ(answer.termination, Termination::kCompleted) << answer.message;
+  EXPECT_THAT(decide(answer.belief, std::vector<bool>{false, true}).explanation, ElementsAre(kHidden, kDisappear));
+  EXPECT_THAT(decide(question_with("exact").ask(alone, 2, 1, quiet).belief, std::vector<bool>{false, true}).explanation,
+              ElementsAre(kDisappear, kHidden));
+}
+
+// Two new clusters and very many old ones: Z = (1 + S0) (1 + S1) - sum of w0 w1, where w are a pair's odds.
+TEST(AssociationQuestion, ThousandsOfOldClustersAreAnsweredExactly) {
+  constexpr std::size_t kOlds = 2100;
+  std::string text = "newCluster = {N0, N1}\n";
+  double sum[2] = {0, 0}, both = 0;
+  for (std::size_t o = 0; o < kOlds; ++o) {
+    double odds[2];
+    for (std::size_t n = 0; n < 2; ++n) {
+      const double similar = 0.01 + 0.02 * static_cast<double>((7 * o + 3 * n) % 11),
+                   close = 0.01 + 0.01 * static_cast<double>((5 * o + n) % 13);
+      text += fmt::format("{} similar(O{},N{})\n{} proximity(O{},N{})\n", similar, o, n, close, o, n);
+      odds[n] = (similar * close + similar * (1 - close) + (1 - similar) * close) / ((1 - similar) * (1 - close));
+      sum[n] += odds[n];
+    }
+    both += odds[0] * odds[1];
+  }
+  Monitor quiet;
+  const auto answer = question_with("auto").ask(text, kOlds, 2, quiet);
+  ASSERT_EQ(answer.termination, Termination::kCompleted) << answer.message;
+  EXPECT_EQ(answer.method, "matching");
+  const double all = (1 + sum[0]) * (1 + sum[1]) - both;
+  EXPECT_NEAR(answer.belief.appeared(0), (1 + sum[1]) / all, 1e-9);
+  EXPECT_NEAR(answer.belief.appeared(1), (1 + sum[0]) / all, 1e-9);
+}
+
 TEST(IdentityBelief, TheDecisionIsTheBestMatchingAndItsBestExplanations) {
   IdentityBelief belief(3, 2);
   // N0 would rather be O0, but so would N1, which has no other.

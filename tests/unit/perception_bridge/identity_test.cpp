@@ -135,6 +135,36 @@ TEST(IdentityLearning, FindsTheSensorsSigmas) {
   EXPECT_TRUE(parse_model(learned.model, "learned", diagnostics)) << diagnostics.render();
 }
 
+// Where every new cluster is an old one, nothing says how probable newcomers are; who is rather left alone is known all the same.
+TEST(IdentityLearning, WorldsWithoutNewcomersAreLearnedToo) {
+  IdentityTraining training;
+  training.config.noise = 0.05;
+  training.config.objects = 30;
+  training.config.start_fill = 1;
+  training.trials = 100;
+  Monitor monitor;
+  const LearnedIdentity learned = learn_identity(training, monitor);
+  ASSERT_EQ(learned.termination, Termination::kCompleted) << learned.message;
+  Diagnostics diagnostics;
+  std::string problem;
+  const auto mln = IdentityResolver::make("learned", *parse_model(learned.model, "learned", diagnostics),
+                                          learned.grading, {}, problem);
+  ASSERT_TRUE(mln) << problem;
+  const auto nearest = hungarian_matcher();
+  const Matcher* const matchers[] = {mln.get(), nearest.get()};
+  TrackScore scores[2];
+  TrackRun run;
+  run.config = training.config;
+  run.trials = 60;
+  run.threads = 2;
+  run_trials(run, matchers, StopCondition(monitor),
+             [&](const FourTablesTrial& trial, std::span<const MatcherAnswer> answers) {
+               for (std::size_t m = 0; m < answers.size(); ++m) scores[m].add(trial, answers[m].resolution);
+             });
+  EXPECT_GE(scores[0].association.rate(), 0.96);
+  EXPECT_GT(scores[0].association.rate(), scores[1].association.rate());
+}
+
 TEST(IdentityLearning, WritesTheWeightsAtTheirFormulas) {
   const std::string text = with_identity_weights(learned_identity_model(), {1, 2, 3, 4, 5, -6.5});
   EXPECT_THAT(text, HasSubstr("\n1 is(o, n, stay)\n2 is(o, n, move)\n3 is(o, n, newview)\n4 appear(n)\n5 (disappear"));
