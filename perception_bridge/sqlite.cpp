@@ -40,6 +40,8 @@ std::string sentence(int code, const std::string& path, double waited, const cha
       return fmt::format("the store '{}' is damaged: {}", path, words);
     case SQLITE_CANTOPEN:
       return fmt::format("cannot open the store '{}': {}", path, words);
+    case SQLITE_INTERRUPT:
+      return fmt::format("the store '{}' was not read to its end", path);
     case SQLITE_IOERR:
       return fmt::format("the store '{}' cannot be read or written: {}", path, words);
     default:
@@ -58,9 +60,10 @@ SqlStatement::SqlStatement(SqlDatabase& database, const char* sql) : database_(&
 SqlStatement::~SqlStatement() { sqlite3_finalize(statement_); }
 
 void SqlStatement::reset() {
+  bound_ = 0;
+  if (statement_ == nullptr) return;  // not prepared, because of an error: its clear_bindings takes no null pointer
   sqlite3_reset(statement_);
   sqlite3_clear_bindings(statement_);
-  bound_ = 0;
 }
 
 SqlStatement& SqlStatement::bind(std::int64_t number) {
@@ -92,7 +95,7 @@ SqlStatement& SqlStatement::bind(const std::optional<double>& number) { return n
 
 bool SqlStatement::step() {
   if (!database_->ok() || statement_ == nullptr) return false;
-  const int code = sqlite3_step(statement_);
+  const int code = database_->wants_end() ? SQLITE_INTERRUPT : sqlite3_step(statement_);
   if (code == SQLITE_ROW) return true;
   if (code != SQLITE_DONE) database_->fail(code);
   sqlite3_reset(statement_);
@@ -135,18 +138,19 @@ SqlDatabase::SqlDatabase(std::string path, const SqlOpen& how) : path_(std::move
   if (!ok()) return;
   if (!how_.read_only) {
     open(SQLITE_OPEN_READWRITE | (how_.create ? SQLITE_OPEN_CREATE : 0), path_);
-  } else if (!open(SQLITE_OPEN_READONLY, path_)) {
+  } else if (const int code = open(SQLITE_OPEN_READONLY, path_) & 0xff;
+             code == SQLITE_CANTOPEN || code == SQLITE_READONLY) {
     // In a folder that cannot be written there is no place for the files beside the store; without a log it can be read as
-    // it is.
+    // it is. Not where another program has locked it: it may be writing.
     struct stat log = {};
     if (::stat((path_ + "-wal").c_str(), &log) == 0 && log.st_size > 0) return;
     const std::string before = problem_;
     problem_.clear();
-    if (!open(SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, uri_of(path_))) problem_ = before;
+    if (open(SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, uri_of(path_)) != SQLITE_OK) problem_ = before;
   }
 }
 
-bool SqlDatabase::open(int flags, const std::string& name) {
+int SqlDatabase::open(int flags, const std::string& name) {
   sqlite3_close(handle_);
   handle_ = nullptr;
   int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
@@ -163,7 +167,15 @@ bool SqlDatabase::open(int flags, const std::string& name) {
     execute(fmt::format("PRAGMA max_page_count = {}",
                         std::max<std::int64_t>(1, static_cast<std::int64_t>(how_.max_bytes) / page)));
   }
-  return ok();
+  return code;
+}
+
+void SqlDatabase::stop_when(std::function<bool()> wants_end) {
+  constexpr int kSteps = 10'000;  // of SQLite's machine: well under a millisecond
+  wants_end_ = std::move(wants_end);
+  sqlite3_progress_handler(
+      handle_, wants_end_ ? kSteps : 0,
+      [](void* self) { return static_cast<const SqlDatabase*>(self)->wants_end() ? 1 : 0; }, this);
 }
 
 SqlDatabase::~SqlDatabase() {
@@ -172,6 +184,7 @@ SqlDatabase::~SqlDatabase() {
 }
 
 void SqlDatabase::fail(int code) {
+  was_stopped_ = was_stopped_ || code == SQLITE_INTERRUPT;
   was_duplicate_ = code == SQLITE_CONSTRAINT_UNIQUE || code == SQLITE_CONSTRAINT_PRIMARYKEY;
   if (problem_.empty())
     problem_ = sentence(code, path_, how_.wait_seconds, handle_ ? sqlite3_errmsg(handle_) : "no memory");

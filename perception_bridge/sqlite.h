@@ -6,11 +6,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 
 struct sqlite3;
 struct sqlite3_stmt;
@@ -71,8 +73,17 @@ class SqlDatabase {
   bool ok() const { return problem_.empty(); }
   const std::string& problem() const { return problem_; }
   void clear_problem() { problem_.clear(); }
+  // A problem of the caller's, in place of one of SQLite's.
+  void refuse(std::string problem) {
+    if (ok()) problem_ = std::move(problem);
+  }
   // The last error was a broken UNIQUE rule.
   bool was_duplicate() const { return was_duplicate_; }
+
+  // Asked now and then while rows are read: true ends that with a problem. For reading only: a change that is ended so takes
+  // its whole transaction back. The database stays where it is in memory from then on.
+  void stop_when(std::function<bool()> wants_end);
+  bool was_stopped() const { return was_stopped_; }
 
   bool execute(const std::string& sql);
   // Prepared once; reset at each call.
@@ -86,13 +97,16 @@ class SqlDatabase {
  private:
   friend class SqlStatement;
   void fail(int code);
-  bool open(int flags, const std::string& name);
+  int open(int flags, const std::string& name);  // SQLite's code
+  bool wants_end() const { return wants_end_ && wants_end_(); }
 
   std::string path_;
   SqlOpen how_;
   sqlite3* handle_ = nullptr;
   std::string problem_;
   bool was_duplicate_ = false;
+  bool was_stopped_ = false;
+  std::function<bool()> wants_end_;
   std::unordered_map<const char*, std::unique_ptr<SqlStatement>> statements_;
 };
 

@@ -93,5 +93,51 @@ TEST_F(SqlFile, WhatIsNotThereIsNotMadeUnlessWanted) {
   EXPECT_FALSE(std::filesystem::exists(path_));
 }
 
+TEST_F(SqlFile, AStatementAfterAnErrorDoesNothing) {
+  SqlDatabase database(path_, {});
+  SqlStatement& bad = database.statement("SELECT a FROM nowhere WHERE a = ?");
+  EXPECT_FALSE(bad.bind(std::int64_t{1}).step());
+  EXPECT_THAT(database.problem(), HasSubstr("nowhere"));
+  SqlStatement& after = database.statement("SELECT ?");
+  EXPECT_FALSE(after.bind(std::string_view("x")).step());
+  EXPECT_TRUE(after.is_null(0));
+  EXPECT_EQ(after.text(0), "");
+  database.clear_problem();
+  SqlStatement& again = database.statement("SELECT ?");
+  ASSERT_TRUE(again.bind(std::string_view("x")).step()) << database.problem();
+  EXPECT_EQ(again.text(0), "x");
+}
+
+TEST_F(SqlFile, AReaderHeedsALock) {
+  SqlDatabase writer(path_, {});
+  ASSERT_TRUE(writer.execute("CREATE TABLE t(a); INSERT INTO t VALUES (1); BEGIN EXCLUSIVE; UPDATE t SET a = 2"));
+  SqlDatabase reader(path_, {.read_only = true, .wait_seconds = 0.01});
+  EXPECT_FALSE(reader.ok());
+  EXPECT_THAT(reader.problem(), HasSubstr("locked by another program"));
+  ASSERT_TRUE(writer.execute("COMMIT"));
+  SqlDatabase later(path_, {.read_only = true, .wait_seconds = 0.01});
+  EXPECT_EQ(later.number("SELECT a FROM t"), 2);
+}
+
+TEST_F(SqlFile, ReadingEndsWhenItIsWanted) {
+  SqlDatabase database(path_, {});
+  ASSERT_TRUE(database.execute("CREATE TABLE t(a); INSERT INTO t VALUES (1), (2), (3)"));
+  int rows = 0;
+  database.stop_when([&] { return rows == 2; });
+  SqlStatement& query = database.statement("SELECT a FROM t");
+  while (query.step()) ++rows;
+  EXPECT_EQ(rows, 2);
+  EXPECT_TRUE(database.was_stopped());
+  EXPECT_THAT(database.problem(), HasSubstr("not read to its end"));
+  // In the middle of one long step too.
+  database.clear_problem();
+  int asked = 0;
+  database.stop_when([&] { return ++asked > 3; });
+  EXPECT_EQ(database.number("WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1000000000) "
+                            "SELECT count(*) FROM n"),
+            0);
+  EXPECT_FALSE(database.ok());
+}
+
 }  // namespace
 }  // namespace sherlog
