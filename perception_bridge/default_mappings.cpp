@@ -37,13 +37,11 @@ EvidenceMapping identity() {
 EvidenceMapping perception() {
   EvidenceMapping mapping = identity();
   mapping.name = "perception";
-  const std::map<std::string_view, double> sigmas = {{"rs.annotation.PoseAnnotation", 0.01},
-                                                     {"sherlog.annotation.MeanColor", 0.021},
-                                                     {"rs.annotation.ColorHistogram", 0.10},
-                                                     {"rs.annotation.SemanticColor", 0.063},
-                                                     {"rs.annotation.Shape", 0.28},
-                                                     {"rs.annotation.PclFeature", 0.31},
-                                                     {"rs.annotation.Geometry", 0.88}};
+  const std::map<std::string_view, double> sigmas = {
+      {"rs.annotation.PoseAnnotation", 0.01}, {"sherlog.annotation.MeanColor", 0.021},
+      {"rs.annotation.ColorHistogram", 0.10}, {"rs.annotation.SemanticColor", 0.063},
+      {"rs.annotation.Shape", 0.28},          {"rs.annotation.PclFeature", 0.31},
+      {"rs.annotation.Geometry", 0.88}};
   for (SimilarityRule& rule : mapping.similarity.rules) {
     if (const auto learned = sigmas.find(rule.type); learned != sigmas.end()) rule.sigma = learned->second;
   }
@@ -68,8 +66,9 @@ EvidenceMapping fusion() {
                   {"black", "Black"}, {"cyan", "Blue"},     {"magenta", "Red"}, {"grey", "White"}};
   color.only_listed = true;
   mapping.rules = {shape, color};
-  for (const auto& [category, predicate] : {std::pair{"Text", "goggles_Text"}, std::pair{"Logo", "goggles_Logo"},
-                                            std::pair{"Contact", "goggles_Contact"}, std::pair{"Image", "goggles"}}) {
+  for (const auto& [category, predicate] :
+       {std::pair{"Text", "goggles_Text"}, std::pair{"Logo", "goggles_Logo"}, std::pair{"Contact", "goggles_Contact"},
+        std::pair{"Image", "goggles"}, std::pair{"Product", "goggles"}}) {
     mapping.rules.push_back(rule("rs.annotation.Goggles", predicate, "/title"));
     mapping.rules.back().where = {{"category", category}};
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 
 #include "mln/diagnostics.h"
@@ -12,6 +13,18 @@ namespace sherlog {
 namespace {
 
 constexpr std::array<std::string_view, 3> kSpellings = {"as_is", "lower", "capital"};
+
+// As the language has it: letters, digits and '_', and a few signs between such characters.
+bool is_name(std::string_view text) {
+  const auto is_letter = [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return byte >= 0x80 || std::isalpha(byte) != 0 || c == '_';
+  };
+  const auto is_inner = [&](char c) { return is_letter(c) || std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  if (text.empty() || !is_letter(text.front()) || !is_inner(text.back())) return false;
+  return std::all_of(text.begin(), text.end(),
+                     [&](char c) { return is_inner(c) || std::string_view("'-.!").find(c) != std::string_view::npos; });
+}
 
 // Takes the keys of one object apart; the first mistake stays.
 class ObjectReader {
@@ -79,6 +92,13 @@ class ObjectReader {
                        nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
     }
   }
+  void check_name(const char* key, std::string_view name, std::string_view written) {
+    if (!is_name(name)) fail(fmt::format("has '{}' for its '{}', which is no name", written, key));
+  }
+  void check_type(std::string_view type) {
+    if (const std::string mistake = mistyped_annotation_type(type); !mistake.empty())
+      fail("is for nothing: " + mistake);
+  }
   void fail(const std::string& text) {
     if (problem_.empty()) problem_ = fmt::format("{} {}", where_, text);
   }
@@ -89,6 +109,22 @@ class ObjectReader {
   std::string& problem_;
   std::vector<std::string> known_;
 };
+
+// A predicate of a rule may have texts of fields in it: goggles_{category}.
+std::string without_fields(std::string_view predicate) {
+  std::string name;
+  while (!predicate.empty()) {
+    const std::size_t open = std::min(predicate.find('{'), predicate.size());
+    name += predicate.substr(0, open);
+    const std::size_t close = predicate.find('}', open);
+    if (open == predicate.size() || close == std::string_view::npos || close == open + 1) {
+      return name.append(predicate.substr(open));
+    }
+    name += 'x';
+    predicate.remove_prefix(close + 1);
+  }
+  return name;
+}
 
 AtomRule read_rule(const Value& document, std::size_t index, std::string& problem) {
   AtomRule rule;
@@ -115,6 +151,8 @@ AtomRule read_rule(const Value& document, std::size_t index, std::string& proble
   reader.require("predicate", rule.predicate);
   reader.require("value", rule.value);
   reader.finish();
+  reader.check_name("predicate", without_fields(rule.predicate), rule.predicate);
+  reader.check_type(rule.annotation);
   return rule;
 }
 
@@ -126,6 +164,8 @@ PairRule read_pair(const Value& document, std::size_t index, std::string& proble
   reader.degree("missing", rule.missing);
   reader.require("predicate", rule.predicate);
   reader.finish();
+  reader.check_name("predicate", rule.predicate, rule.predicate);
+  for (const std::string& type : rule.types) reader.check_type(type);
   return rule;
 }
 
@@ -138,6 +178,8 @@ void read_domain(ObjectReader& owner, const char* key, NamedDomain& domain, std:
   reader.require("prefix", domain.prefix);
   reader.require("domain", domain.domain);
   reader.finish();
+  reader.check_name("prefix", domain.prefix, domain.prefix);
+  reader.check_name("domain", domain.domain, domain.domain);
 }
 
 template <class Rule, class Read>
@@ -204,6 +246,7 @@ std::optional<EvidenceMapping> mapping_from_json(const Value& document, std::str
     }
   }
   reader.finish();
+  if (!mapping.out_of_view.empty()) reader.check_name("out_of_view", mapping.out_of_view, mapping.out_of_view);
   return problem.empty() ? std::optional(std::move(mapping)) : std::nullopt;
 }
 

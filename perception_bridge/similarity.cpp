@@ -11,6 +11,7 @@
 #include <map>
 #include <numeric>
 
+#include "mln/diagnostics.h"
 #include "perception_bridge/annotation_types.h"
 
 namespace sherlog {
@@ -220,9 +221,13 @@ std::string check_pairs(const SimilarityConfig& config, const std::vector<Labell
   return {};
 }
 
-std::string text_at(const Value& object, const char* key) {
+// "" where it is not there; anything but a text is a problem.
+std::string text_at(const Value& object, const char* key, std::string& problem) {
   const Value* value = object.find(key);
-  return value == nullptr || value->text() == nullptr ? "" : *value->text();
+  if (value == nullptr) return "";
+  if (value->text() != nullptr) return *value->text();
+  if (problem.empty()) problem = fmt::format("a similarity rule's '{}' is {}, not a text", key, value->kind());
+  return "";
 }
 
 std::optional<SimilarityRule> rule_from_json(const Value& document, std::string& problem) {
@@ -232,11 +237,13 @@ std::optional<SimilarityRule> rule_from_json(const Value& document, std::string&
     if (!index_of(kKeys, key)) return problem = fmt::format("a similarity rule has no '{}'", key), std::nullopt;
   }
   SimilarityRule rule;
-  rule.type = text_at(document, "type");
-  rule.field = text_at(document, "field");
-  rule.weight = text_at(document, "weight");
-  const std::string distance = text_at(document, "distance");
-  const std::string kernel = document.find("kernel") == nullptr ? "gaussian" : text_at(document, "kernel");
+  problem.clear();
+  rule.type = text_at(document, "type", problem);
+  rule.field = text_at(document, "field", problem);
+  rule.weight = text_at(document, "weight", problem);
+  const std::string distance = text_at(document, "distance", problem);
+  const std::string kernel = document.find("kernel") == nullptr ? "gaussian" : text_at(document, "kernel", problem);
+  if (!problem.empty()) return std::nullopt;
   const auto distance_index = index_of(kDistanceNames, distance);
   const auto kernel_index = index_of(kKernelNames, kernel);
   if (!distance_index) {
@@ -253,7 +260,37 @@ std::optional<SimilarityRule> rule_from_json(const Value& document, std::string&
   return rule;
 }
 
+// Names that are none, and rules that would count the same thing twice.
+std::string check_types(const SimilarityConfig& config) {
+  for (std::size_t i = 0; i < config.rules.size(); ++i) {
+    const SimilarityRule& rule = config.rules[i];
+    if (std::string problem = mistyped_annotation_type(rule.type); !problem.empty()) return problem;
+    for (std::size_t j = 0; j < i; ++j) {
+      const SimilarityRule& other = config.rules[j];
+      if (full_type_name(rule.type) == full_type_name(other.type) && rule.distance == other.distance &&
+          rule.field == other.field) {
+        return fmt::format("there are two similarity rules for '{}'{}", rule.type,
+                           rule.field.empty() ? "" : fmt::format(" and its '{}'", rule.field));
+      }
+    }
+  }
+  return {};
+}
+
 }  // namespace
+
+std::string mistyped_annotation_type(std::string_view type) {
+  if (find_annotation_type(type) != nullptr) return {};
+  if (!type.starts_with("rs.") && !type.starts_with("sherlog.") && type.find('.') != std::string_view::npos) return {};
+  std::vector<std::string> names;
+  for (const AnnotationType& known : annotation_types()) {
+    names.emplace_back(known.name);
+    names.emplace_back(known.name.substr(known.name.rfind('.') + 1));
+  }
+  const std::string nearest = did_you_mean(type, names);
+  return fmt::format("there is no annotation type '{}'{}", type,
+                     nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest));
+}
 
 double kernel_value(SimilarityKernel kernel, double distance, double sigma) {
   const double x = distance / sigma;
@@ -301,6 +338,9 @@ std::optional<SimilarityConfig> similarity_from_json(const Value& document, std:
     problem = "a similarity has a list of 'rules'";
     return std::nullopt;
   }
+  for (const auto& [key, value] : *document.object()) {
+    if (key != "rules") return problem = fmt::format("a similarity has 'rules' and no '{}'", key), std::nullopt;
+  }
   SimilarityConfig config;
   for (const Value& item : *rules->list()) {
     const auto rule = rule_from_json(item, problem);
@@ -308,6 +348,7 @@ std::optional<SimilarityConfig> similarity_from_json(const Value& document, std:
     config.rules.push_back(*rule);
   }
   problem = validate(config);
+  if (problem.empty()) problem = check_types(config);
   return problem.empty() ? std::optional(std::move(config)) : std::nullopt;
 }
 

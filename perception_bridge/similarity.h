@@ -56,6 +56,10 @@ struct SimilarityConfig {
 // elsewhere.
 SimilarityConfig default_similarity();
 
+// A type that nothing can have, as people who edit a document mistype it: one of ours or of RoboSherlock's that there is not, or
+// one without a dot. Somebody's own types are fine. "" or a sentence.
+std::string mistyped_annotation_type(std::string_view type);
+
 std::optional<SimilarityConfig> similarity_from_json(const Value& document, std::string& problem);
 Value similarity_to_json(const SimilarityConfig& config);
 std::string validate(const SimilarityConfig& config);

@@ -149,7 +149,15 @@ TEST(Similarity, ItsConfigurationRoundTrips) {
        {std::pair{R"({"rules":[{"type":"T","distance":"euclidean","field":"/x","sigma":-1}]})", "sigma -1"},
         std::pair{R"({"rules":[{"type":"T","distance":"manhattan"}]})", "none of position"},
         std::pair{R"({"rules":[{"type":"T","distance":"euclidean"}]})", "no 'field'"},
-        std::pair{R"({"rules":[{"typ":"T"}]})", "no 'typ'"}, std::pair{R"({})", "'rules'"}}) {
+        std::pair{R"({"rules":[{"type":"Shape","distance":"categories","field":"/shape","weight":7}]})", "'weight'"},
+        std::pair{R"({"rules":[{"type":"Shape","distance":"categories","field":["/shape"]}]})", "'field'"},
+        std::pair{R"({"rules":[{"type":"rs.annotation.Shap","distance":"categories","field":"/shape"}]})",
+                  "did you mean 'rs.annotation.Shape'?"},
+        std::pair{R"({"rules":[{"type":"Shape","distance":"categories","field":"/shape"},
+                      {"type":"rs.annotation.Shape","distance":"categories","field":"/shape"}]})",
+                  "two similarity rules"},
+        std::pair{R"({"rules":[],"rule":[]})", "no 'rule'"}, std::pair{R"({"rules":[{"typ":"T"}]})", "no 'typ'"},
+        std::pair{R"({})", "'rules'"}}) {
     EXPECT_FALSE(similarity_from_json(json(text), problem));
     EXPECT_THAT(problem, HasSubstr(message));
   }
@@ -422,6 +430,43 @@ TEST(EvidenceMapping, MistakesAreNamedWithTheirRule) {
     EXPECT_FALSE(mapping_from_json(json(text), problem)) << text;
     EXPECT_THAT(problem, HasSubstr(message)) << text;
   }
+}
+
+TEST(EvidenceMapping, MistypedNamesAreFound) {
+  std::string problem;
+  const std::string good_rule = R"("predicate":"p","value":"/v"})";
+  for (const auto& [text, message] :
+       {std::pair{R"({"name":"m","rules":[{"annotation":"rs.annotation.Shap",)" + good_rule + "]}",
+                  "did you mean 'rs.annotation.Shape'?"},
+        std::pair{R"({"name":"m","rules":[{"annotation":"sherlog.annotation.Weight",)" + good_rule + "]}",
+                  "no annotation type 'sherlog.annotation.Weight'"},
+        std::pair{R"({"name":"m","rules":[{"annotation":"Shap",)" + good_rule + "]}", "did you mean 'Shape'?"},
+        std::pair{std::string(R"({"name":"m","rules":[{"annotation":"Shape","predicate":"sha pe(","value":"/v"}]})"),
+                  "'sha pe('"},
+        std::pair{std::string(R"({"name":"m","rules":[{"annotation":"Shape","predicate":"a_{b","value":"/v"}]})"),
+                  "'a_{b'"},
+        std::pair{std::string(R"({"name":"m","pairs":[{"predicate":"1","types":[]}]})"), "no name"},
+        std::pair{std::string(R"({"name":"m","pairs":[{"predicate":"p","types":["rs.annotation.Shap"]}]})"), "Shape"},
+        std::pair{std::string(R"({"name":"m","out_of_view":"not in view"})"), "no name"},
+        std::pair{std::string(R"({"name":"m","clusters":{"prefix":"c ","domain":"cluster"}})"), "no name"}}) {
+    EXPECT_FALSE(mapping_from_json(json(text), problem)) << text;
+    EXPECT_THAT(problem, HasSubstr(message)) << text;
+  }
+  for (const char* type : {"my.annotation.Weight", "Shape", "GogglesAnnotation", "rs.annotation.Shape"}) {
+    const std::string text = std::string(R"({"name":"m","rules":[{"annotation":")") + type +
+                             R"(","predicate":"goggles_{category}","value":"/v"}]})";
+    EXPECT_TRUE(mapping_from_json(json(text), problem)) << problem;
+  }
+}
+
+TEST(EvidenceMapping, AProductOfTheImageSearchIsOneForFusion) {
+  SceneMessages messages;
+  const auto scene = scene_from_json(json(R"({"id":"s","timestamp":1,"identifiables":[{"id":"c","rs.annotation.Goggles":
+      [{"category":"Product","title":"Heinz Tomato Ketchup"}]}]})"),
+                                     messages);
+  ASSERT_TRUE(scene);
+  EXPECT_THAT(evidence_text(observe(*shipped_mapping("fusion"), *scene)),
+              HasSubstr("goggles(c0,\"Heinz Tomato Ketchup\")"));
 }
 
 // --- concepts ---
