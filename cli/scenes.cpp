@@ -34,7 +34,7 @@ std::optional<int> digits(std::string_view text, std::size_t& at, std::size_t co
   return value;
 }
 
-std::optional<double> parse_date(std::string_view text) {
+std::optional<double> parse_date(std::string_view text, double utc_offset) {
   std::size_t at = 0;
   const auto take = [&](char separator) { return at < text.size() && text[at] == separator ? (++at, true) : false; };
   const auto year = digits(text, at, 4);
@@ -47,7 +47,8 @@ std::optional<double> parse_date(std::string_view text) {
                                          std::chrono::day(static_cast<unsigned>(*day))};
   if (!date.ok()) return std::nullopt;
   double seconds = static_cast<double>(std::chrono::sys_days(date).time_since_epoch().count()) * kDay;
-  if (at == text.size()) return seconds;
+  const double ahead = utc_offset * 3600;
+  if (at == text.size()) return seconds - ahead;
   if (!take('T') && !take(' ')) return std::nullopt;
   const auto hour = digits(text, at, 2);
   if (!hour || *hour > 24 || !take(':')) return std::nullopt;
@@ -59,7 +60,7 @@ std::optional<double> parse_date(std::string_view text) {
     if (!second || *second > 60) return std::nullopt;
     seconds += *second;
   }
-  take('Z');
+  if (!take('Z')) seconds -= ahead;
   return at == text.size() ? std::optional(seconds) : std::nullopt;
 }
 
@@ -78,7 +79,9 @@ void add_store_option(CLI::App& command, StoreChoice& choice) {
 }
 
 void add_time_options(CLI::App& command, StoreChoice& choice) {
-  command.add_option("--from", choice.from, "From this time on: seconds, 2012-11-22 or 2012-11-22T08:30:00Z")
+  command
+      .add_option("--from", choice.from,
+                  "From this time on: seconds, 2012-11-22, 2012-11-22T08:30:00, or with Z for UTC")
       ->type_name("TIME");
   command.add_option("--to", choice.to, "Up to this time")->type_name("TIME");
   command
@@ -107,18 +110,42 @@ std::optional<SceneStore> open_store(Session& session, const StoreChoice& choice
   return store;
 }
 
+std::optional<SceneStore> open_to_read(Session& session, const StoreChoice& choice) {
+  auto store = open_store(session, choice, {.read_only = true});
+  if (store) store->stop_when([&session] { return stopped_by(session) != Termination::kCompleted; });
+  return store;
+}
+
+Termination stopped_by(Session& session) {
+  if (session.monitor().interrupted()) return Termination::kInterrupted;
+  return session.seconds_left() <= 0 ? Termination::kTimeLimit : Termination::kCompleted;
+}
+
+std::string_view stop_words(Termination termination) {
+  return termination == Termination::kInterrupted ? "interrupted" : "the time limit was reached";
+}
+
+int finish_unread(Session& session, SceneStore& store, const char* schema) {
+  if (!store.was_stopped()) return session.error(store.problem()), kBadInput;
+  const Termination why = stopped_by(session);
+  session.error(fmt::format("{} before the store was read: there is no answer", stop_words(why)));
+  return session.finish(exit_code(why), "", [&] {
+    return to_text(Json{{"schema", schema}, {"termination", to_string(why)}});
+  });
+}
+
 std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, const StoreChoice& choice) {
   SceneFilter filter;
   filter.limit = choice.limit;
   for (const auto& [option, text, target] :
        {std::tuple{"--from", &choice.from, &filter.from}, std::tuple{"--to", &choice.to, &filter.to}}) {
     if (text->empty()) continue;
-    const auto time = parse_time(*text);
+    const auto time = parse_time(*text, choice.utc_offset);
     if (!time) return bad_time(session, option, *text), std::nullopt;
     *target = *time;
   }
   if (!choice.during.empty()) {
-    const auto now = choice.now.empty() ? store.newest().value_or(0) : parse_time(choice.now);
+    const auto now = choice.now.empty() ? store.newest().value_or(0) : parse_time(choice.now, choice.utc_offset);
     if (!now) return bad_time(session, "--now", choice.now), std::nullopt;
     const double offset = choice.utc_offset * 3600;
     const double midnight = std::floor((*now + offset) / kDay) * kDay - offset;
@@ -155,8 +182,8 @@ std::optional<Concepts> read_concepts(Session& session, const StoreChoice& choic
   return concepts;
 }
 
-std::optional<double> parse_time(std::string_view text) {
-  if (const auto date = parse_date(text)) return date;
+std::optional<double> parse_time(std::string_view text, double utc_offset) {
+  if (const auto date = parse_date(text, utc_offset)) return date;
   double seconds = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
   const bool good = error == std::errc() && end == text.data() + text.size() && std::isfinite(seconds);

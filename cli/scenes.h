@@ -38,13 +38,22 @@ void add_concept_option(CLI::App& command, StoreChoice& choice);  // --concepts
 
 // These say what is wrong and return nothing.
 std::optional<SceneStore> open_store(Session& session, const StoreChoice& choice, SqlOpen how);
+// For reading, which the command's limits end.
+std::optional<SceneStore> open_to_read(Session& session, const StoreChoice& choice);
 std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, const StoreChoice& choice);
 std::optional<Concepts> read_concepts(Session& session, const StoreChoice& choice);
 // What --mapping names: a shipped mapping, or a JSON file.
 std::optional<EvidenceMapping> read_mapping(Session& session, const std::string& name);
 
-// "12.5", "2012-11-22", "2012-11-22T08:30:00Z" (UTC) in seconds.
-std::optional<double> parse_time(std::string_view text);
+// What the limits of the command say now: completed, interrupted or the time limit.
+Termination stopped_by(Session& session);
+// "interrupted", "the time limit was reached": for a sentence about how far it came.
+std::string_view stop_words(Termination termination);
+// After the store could not be read: says why, with a document of that schema where a limit did it. The exit code.
+int finish_unread(Session& session, SceneStore& store, const char* schema);
+
+// "12.5", "2012-11-22T08:30:00Z" (UTC), "2012-11-22", "2012-11-22T08:30:00" (UTC plus that many hours) in seconds.
+std::optional<double> parse_time(std::string_view text, double utc_offset = 0);
 // "2012-11-22 08:30:00", in UTC plus that many hours.
 std::string time_text(double seconds, double utc_offset = 0);
 

@@ -43,7 +43,10 @@ std::optional<SceneObservation> observe_stored(Session& session, SceneStore& sto
   const auto id = previous ? store.scene_before(scene.id) : std::optional(observing.against);
   if (!id) return observe_change(mapping, {}, scene);
   const auto before = store.scene(*id);
-  if (!before) return session.error(fmt::format("--against: the store has no scene '{}'", *id)), std::nullopt;
+  if (!before) {
+    if (!store.was_stopped()) session.error(fmt::format("--against: the store has no scene '{}'", *id));
+    return std::nullopt;
+  }
   return observe_change(mapping, before->clusters, scene);
 }
 
@@ -54,31 +57,40 @@ std::optional<std::vector<std::string>> chosen_scenes(Session& session, SceneSto
     const auto filter = scene_filter(session, store, observing.store);
     if (!filter) return std::nullopt;
     for (const SceneSummary& scene : store.scenes(*filter)) ids.push_back(scene.id);
-    return ids;
+    if (store.problem().empty()) return ids;
+    if (!store.was_stopped()) session.error(store.problem());
+    return std::nullopt;
   }
   for (const std::string& id : ids) {
-    if (!store.has(id)) return session.error(fmt::format("the store has no scene '{}'", id)), std::nullopt;
+    if (store.has(id)) continue;
+    if (!store.was_stopped()) {
+      session.error(store.problem().empty() ? fmt::format("the store has no scene '{}'", id) : store.problem());
+    }
+    return std::nullopt;
   }
   return ids;
 }
 
-int run_evidence(Options options, const Observing& observing) {
-  Session session(std::move(options));
-  if (!session.check_options({observing.output})) return kBadInput;
+int write_evidence(Session& session, const Observing& observing) {
   const auto mapping = read_mapping(session, observing.mapping);
   if (!mapping) return kBadInput;
-  auto store = open_store(session, observing.store, {.read_only = true});
+  auto store = open_to_read(session, observing.store);
   if (!store) return kBadInput;
   const auto ids = chosen_scenes(session, *store, observing);
-  if (!ids) return kBadInput;
+  if (!ids) return store->was_stopped() ? finish_unread(session, *store, "sherlog.scenes.evidence/1") : kBadInput;
   std::string text;
-  Json json{{"schema", "sherlog.scenes.evidence/1"}, {"mapping", mapping->name}, {"scenes", Json::array()}};
-  std::size_t notes = 0;
+  Json json{{"schema", "sherlog.scenes.evidence/1"},
+            {"termination", to_string(Termination::kCompleted)},
+            {"mapping", mapping->name},
+            {"scenes", Json::array()}};
+  std::size_t notes = 0, done = 0;
+  Termination termination = Termination::kCompleted;
   for (const std::string& id : *ids) {
-    if (session.monitor().interrupted()) return kInterruptedExit;
     const auto scene = store->scene(id);
+    const auto observation = scene ? observe_stored(session, *store, *mapping, observing, *scene) : std::nullopt;
+    termination = store->was_stopped() ? stopped_by(session) : Termination::kCompleted;
+    if (termination != Termination::kCompleted) break;
     if (!scene) return session.error(store->problem()), kBadInput;
-    const auto observation = observe_stored(session, *store, *mapping, observing, *scene);
     if (!observation) return kBadInput;
     const std::string one = evidence_text(*observation);
     if (!text.empty()) text += "---\n";
@@ -87,23 +99,37 @@ int run_evidence(Options options, const Observing& observing) {
     for (const std::string& note : observation->notes) {
       if (++notes <= 20) session.warning(fmt::format("{}: {}", id, note));
     }
+    ++done;
   }
   if (notes > 20) session.warning(fmt::format("{} more such notes", notes - 20));
+  if (termination != Termination::kCompleted) {
+    json["termination"] = to_string(termination);
+    session.error(fmt::format("{} after {} of {} scenes", stop_words(termination), done, ids->size()));
+  }
   if (observing.output != "-") {
     if (const auto problem = write_file(observing.output, text)) return session.error(*problem), kInternalError;
-    text = fmt::format("{} databases\n", ids->size());
+    text = fmt::format("{} databases\n", done);
   }
-  return session.finish(kDone, text, [&] { return to_text(json); });
+  return session.finish(exit_code(termination), text, [&] { return to_text(json); });
+}
+
+int run_evidence(Options options, const Observing& observing) {
+  Session session(std::move(options));
+  if (!session.check_options({observing.output})) return kBadInput;
+  return session.run("sherlog.scenes.evidence/1", [&] { return write_evidence(session, observing); });
 }
 
 // What came of going over the stored scenes again.
 struct Reprocessed {
   std::size_t scenes = 0, changed = 0, fresh = 0, beliefs = 0, failed = 0;
+  Termination failure = Termination::kCompleted;  // of the first scene without an answer
 };
 
-// The marginals of the model on a scene's evidence; nothing where there are none, which is said.
+// The marginals of the model on a scene's evidence; nothing where there are none, which is said, with the reason in `failure`.
 std::optional<Value> infer_belief(Session& session, const Model& model, const std::string& scene,
-                                  const std::string& text, const GroundingOptions& grounding) {
+                                  const std::string& text, GroundingOptions grounding, Termination& failure) {
+  failure = Termination::kRefused;
+  grounding.max_seconds = session.seconds_left();
   Diagnostics diagnostics;
   EvidenceOptions evidence_options;
   evidence_options.ignore_unknown_predicates = session.options().ignore_unknown_predicates;
@@ -115,11 +141,27 @@ std::optional<Value> infer_belief(Session& session, const Model& model, const st
     return std::nullopt;
   }
   const auto grounded = ground(model, databases->front(), *query, grounding, session.monitor());
-  if (!grounded.network) return session.error(fmt::format("{}: {}", scene, grounded.message)), std::nullopt;
+  const auto say = [&](Termination why, const std::string& message, const std::vector<ConflictItem>& conflict) {
+    failure = why;
+    const std::string words = fmt::format("{}: {}", scene, message.empty() ? to_string(why) : message);
+    if (why == Termination::kNoPossibleWorld) {
+      session.print_message(conflict_text(conflict, words));
+    } else {
+      session.error(words);
+    }
+  };
+  if (!grounded.network) {
+    const bool no_words = grounded.message.empty() && grounded.conflict;
+    say(grounded.termination, no_words ? grounded.conflict->sentence : grounded.message,
+        grounded.conflict ? conflict_items(*grounded.conflict) : std::vector<ConflictItem>());
+    return std::nullopt;
+  }
   const InferenceResult result = infer(*grounded.network, session.inference_options(), session.monitor());
   if (result.termination != Termination::kCompleted) {
-    session.error(
-        fmt::format("{}: {}", scene, result.message.empty() ? to_string(result.termination) : result.message));
+    const bool conflicts = result.termination == Termination::kNoPossibleWorld;
+    say(result.termination, result.message,
+        conflicts ? conflict_items(model, databases->front(), *grounded.network, result.conflict)
+                  : std::vector<ConflictItem>());
     return std::nullopt;
   }
   InferenceReport report;
@@ -151,8 +193,7 @@ int reprocess_scenes(Session& session, const Observing& observing, const Evidenc
   Termination termination = Termination::kCompleted;
   for (const std::string& id : *ids) {
     session.monitor().progress("scenes", static_cast<double>(done.scenes), static_cast<double>(ids->size()));
-    if (session.monitor().interrupted()) termination = Termination::kInterrupted;
-    if (session.seconds_left() <= 0) termination = Termination::kTimeLimit;
+    termination = stopped_by(session);
     if (termination != Termination::kCompleted) break;
     const auto scene = store.scene(id);
     const auto observation = scene ? observe_stored(session, store, mapping, observing, *scene) : std::nullopt;
@@ -163,9 +204,13 @@ int reprocess_scenes(Session& session, const Observing& observing, const Evidenc
     done.changed += before && *before != text ? 1u : 0u;
     if (!before || *before != text) store.add(StoredEvidence{id, mapping.name, text});
     if (model) {
-      const auto belief = infer_belief(session, *model, id, text, *grounding);
+      Termination failure = Termination::kCompleted;
+      const auto belief = infer_belief(session, *model, id, text, *grounding, failure);
       if (belief && store.add(StoredBelief{id, mapping.name, *belief})) ++done.beliefs;
-      if (!belief) ++done.failed;
+      if (!belief) {
+        ++done.failed;
+        if (done.failure == Termination::kCompleted) done.failure = failure;
+      }
     }
     if (++done.scenes % kBatch == 0 && !(store.commit() && store.begin())) break;
   }
@@ -174,13 +219,17 @@ int reprocess_scenes(Session& session, const Observing& observing, const Evidenc
     store.roll_back();
     return session.error(problem), kBadInput;
   }
-  const int code = termination != Termination::kCompleted         ? exit_code(termination)
-                   : done.failed > 0 || done.scenes < ids->size() ? kBadInput
-                                                                  : kDone;
+  if (termination != Termination::kCompleted) {
+    session.error(fmt::format("{} after {} of {} scenes", stop_words(termination), done.scenes, ids->size()));
+  } else if (done.failed > 0) {
+    termination = done.failure;
+  } else if (done.scenes < ids->size()) {
+    termination = Termination::kRefused;
+  }
   const std::string text =
       fmt::format("{} scenes: {} with new evidence, {} changed, {} as before; {} beliefs\n", done.scenes, done.fresh,
                   done.changed, done.scenes - done.fresh - done.changed, done.beliefs);
-  return session.finish(code, text, [&] {
+  return session.finish(exit_code(termination), text, [&] {
     return to_text(Json{{"schema", "sherlog.scenes.reprocess/1"},
                         {"termination", to_string(termination)},
                         {"mapping", mapping.name},
@@ -247,17 +296,15 @@ std::vector<LabelledPair> labelled_pairs(SceneStore& store, const SimilarityConf
   return pairs;
 }
 
-int run_sigmas(Options options, const Observing& observing) {
-  Session session(std::move(options));
-  if (!session.check_options({observing.output})) return kBadInput;
+int learn_from_store(Session& session, const Observing& observing) {
   auto mapping = read_mapping(session, observing.mapping);
   if (!mapping) return kBadInput;
-  auto store = open_store(session, observing.store, {.read_only = true});
+  auto store = open_to_read(session, observing.store);
   if (!store) return kBadInput;
   const auto filter = scene_filter(session, *store, observing.store);
   if (!filter) return kBadInput;
   const auto pairs = labelled_pairs(*store, mapping->similarity, *filter);
-  if (!store->problem().empty()) return session.error(store->problem()), kBadInput;
+  if (!store->problem().empty()) return finish_unread(session, *store, "sherlog.scenes.sigmas/1");
   const SigmaLearning learned = learn_sigmas(mapping->similarity, pairs);
   if (!learned.problem.empty()) {
     session.error(fmt::format("nothing can be learned from {} pairs of identities in the store: {}", pairs.size(),
@@ -267,6 +314,7 @@ int run_sigmas(Options options, const Observing& observing) {
   Table table(
       {{"type", Align::kLeft}, {"pairs", Align::kRight}, {"sigma before", Align::kRight}, {"sigma", Align::kRight}});
   Json json{{"schema", "sherlog.scenes.sigmas/1"},
+            {"termination", to_string(Termination::kCompleted)},
             {"pairs", pairs.size()},
             {"log_likelihood_before", learned.before},
             {"log_likelihood", learned.after},
@@ -285,6 +333,12 @@ int run_sigmas(Options options, const Observing& observing) {
                         fmt::format("{} pairs; mean log-likelihood {:.5f}, before {:.5f}\n\n{}", pairs.size(),
                                     learned.after, learned.before, table.text()),
                         [&] { return to_text(json); });
+}
+
+int run_sigmas(Options options, const Observing& observing) {
+  Session session(std::move(options));
+  if (!session.check_options({observing.output})) return kBadInput;
+  return session.run("sherlog.scenes.sigmas/1", [&] { return learn_from_store(session, observing); });
 }
 
 void add_mapping_option(CLI::App& command, Observing& observing, const char* fallback) {

@@ -1,6 +1,7 @@
 // sherlog scenes import, export, check, schema: what goes into a store and comes out of it.
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <memory>
@@ -28,21 +29,43 @@ struct Exporting {
   bool scenes_only = false;
 };
 
-Json import_json(const ImportResult& result, std::uint64_t scenes_in_store, double seconds) {
+// Of all files.
+struct Imported {
+  ImportResult sum;
+  struct File {
+    std::string name;
+    std::vector<std::uint64_t> skipped;
+    std::vector<LineProblem> problems;
+  };
+  std::vector<File> files;  // with bad lines
+};
+
+Json import_json(const Imported& imported, std::uint64_t scenes_in_store, double seconds) {
+  const ImportResult& result = imported.sum;
   Json json;
   json["schema"] = "sherlog.scenes.import/1";
   json["termination"] = to_string(result.termination);
   json["lines"] = result.lines;
   json["added"] = result.added;
   json["replaced"] = result.replaced;
+  json["unchanged"] = result.unchanged;
+  if (result.designators > 0) json["designators"] = result.designators;
   json["clusters"] = result.clusters;
   json["records"] = result.records;
-  json["skipped"] = result.skipped;
+  if (result.dropped.any()) {
+    json["dropped"] = {{"evidence", result.dropped.evidence},
+                       {"beliefs", result.dropped.beliefs},
+                       {"sightings", result.dropped.sightings}};
+  }
+  json["skipped"] = result.skipped.size();
   json["scenes_in_store"] = scenes_in_store;
   if (!result.failure.empty()) json["message"] = result.failure;
   json["problems"] = Json::array();
-  for (const LineProblem& problem : result.problems) {
-    json["problems"].push_back({{"line", problem.line}, {"message", problem.text}});
+  for (const Imported::File& file : imported.files) {
+    for (const LineProblem& problem : file.problems) {
+      json["problems"].push_back({{"file", file.name}, {"line", problem.line}, {"message", problem.text}});
+    }
+    json["bad_lines"].push_back({{"file", file.name}, {"lines", file.skipped}});
   }
   json["seconds"] = {{"total", seconds}};
   return json;
@@ -52,10 +75,14 @@ void add_up(const ImportResult& part, ImportResult& sum) {
   sum.lines += part.lines;
   sum.added += part.added;
   sum.replaced += part.replaced;
+  sum.unchanged += part.unchanged;
+  sum.designators += part.designators;
   sum.clusters += part.clusters;
   sum.records += part.records;
-  sum.skipped += part.skipped;
-  sum.problems.insert(sum.problems.end(), part.problems.begin(), part.problems.end());
+  sum.dropped.evidence += part.dropped.evidence;
+  sum.dropped.beliefs += part.dropped.beliefs;
+  sum.dropped.sightings += part.dropped.sightings;
+  sum.skipped.insert(sum.skipped.end(), part.skipped.begin(), part.skipped.end());
   sum.termination = part.termination;
   sum.failure = part.failure;
 }
@@ -72,10 +99,13 @@ void say_problems(Session& session, const std::string& file, const ImportResult&
       session.warning(text);
     }
   }
-  if (!stops && result.skipped > result.problems.size()) {
-    session.warning(fmt::format("{}: {} lines were skipped in all", file, result.skipped));
+  if (!stops && result.skipped.size() > result.problems.size()) {
+    session.warning(fmt::format("{}: {} lines were skipped in all", file, result.skipped.size()));
   }
   if (!result.failure.empty()) session.error(result.failure);
+  if (result.termination == Termination::kTimeLimit || result.termination == Termination::kInterrupted) {
+    session.error(fmt::format("{}: {} after {} lines", file, stop_words(result.termination), result.lines));
+  }
 }
 
 ImportResult import_file(SceneStore& store, const std::string& file, const ImportOptions& options, Session& session) {
@@ -91,36 +121,77 @@ ImportResult import_file(SceneStore& store, const std::string& file, const Impor
 }
 
 // With `stop` all files are one transaction: a bad line in the last one takes back the first one too.
-ImportResult import_files(SceneStore& store, const std::vector<std::string>& files, ImportOptions options,
-                          Session& session) {
+Imported import_files(SceneStore& store, const std::vector<std::string>& files, ImportOptions options,
+                      Session& session) {
   const bool stops = options.on_error == OnError::kStop;
-  ImportResult sum;
-  const auto take_back = [&] {
-    store.roll_back();
-    sum.added = sum.replaced = sum.records = sum.clusters = 0;
-    session.error("nothing was imported");
+  Imported imported;
+  ImportResult& sum = imported.sum;
+  const auto fail = [&] {
+    sum.termination = Termination::kRefused;
+    sum.failure = store.problem();
+    session.error(sum.failure);
   };
   options.in_transaction = stops;
   if (stops && !store.begin()) {
-    sum.termination = Termination::kRefused;
-    sum.failure = store.problem();
-    session.error(sum.failure);
-    return sum;
+    fail();
+    return imported;
   }
   for (const std::string& file : files) {
+    options.max_seconds = session.seconds_left();
     const ImportResult result = import_file(store, file, options, session);
     say_problems(session, file, result, stops);
     add_up(result, sum);
+    if (!result.skipped.empty()) imported.files.push_back({file, result.skipped, result.problems});
     if (result.termination != Termination::kCompleted) break;
   }
-  if (!stops) return sum;
-  if (sum.termination == Termination::kCompleted && !store.commit()) {
-    sum.termination = Termination::kRefused;
-    sum.failure = store.problem();
-    session.error(sum.failure);
+  if (!stops) return imported;
+  if (sum.termination == Termination::kCompleted && !store.commit()) fail();
+  if (sum.termination == Termination::kCompleted) return imported;
+  store.roll_back();
+  sum.added = sum.replaced = sum.unchanged = sum.designators = sum.records = sum.clusters = 0;
+  sum.dropped = {};
+  session.error("nothing was imported");
+  return imported;
+}
+
+std::string import_text(const ImportResult& sum, std::uint64_t scenes) {
+  std::string text = fmt::format("{} scenes with {} clusters added, {} replaced, {} records, {} lines skipped",
+                                 sum.added, sum.clusters, sum.replaced, sum.records, sum.skipped.size());
+  if (sum.unchanged > 0) text += fmt::format(", {} as they were", sum.unchanged);
+  text += fmt::format("; the store has {} scenes\n", scenes);
+  if (sum.dropped.any()) {
+    text += fmt::format("dropped with what was replaced: evidence of {}, {} beliefs, {} sightings\n",
+                        sum.dropped.evidence, sum.dropped.beliefs, sum.dropped.sightings);
   }
-  if (sum.termination != Termination::kCompleted) take_back();
-  return sum;
+  return text;
+}
+
+// A store that was made for nothing goes away again.
+void remove_store(const std::string& path) {
+  std::error_code ignored;
+  for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(path + end, ignored);
+}
+
+int import_into(Session& session, const Importing& importing, const SqlOpen& how) {
+  std::error_code ignored;
+  const bool existed = std::filesystem::exists(importing.store.path, ignored);
+  auto store = open_store(session, importing.store, how);
+  if (!store) {
+    if (!existed && std::filesystem::is_regular_file(importing.store.path, ignored)) remove_store(importing.store.path);
+    return kBadInput;
+  }
+  ImportOptions import_options;
+  import_options.on_error = importing.on_error == "skip" ? OnError::kSkip : OnError::kStop;
+  import_options.replace = importing.replace;
+  import_options.limits.max_clusters = importing.max_clusters;
+  const Imported imported = import_files(*store, importing.files, import_options, session);
+  const std::uint64_t scenes = store->scene_count();
+  if (!existed && scenes == 0 && imported.sum.termination != Termination::kCompleted) {
+    store.reset();
+    remove_store(importing.store.path);
+  }
+  return session.finish(exit_code(imported.sum.termination), import_text(imported.sum, scenes),
+                        [&] { return to_text(import_json(imported, scenes, session.seconds())); });
 }
 
 int run_import(Options options, const Importing& importing) {
@@ -134,26 +205,11 @@ int run_import(Options options, const Importing& importing) {
              kBadInput;
     how.max_bytes = *bytes;
   }
-  auto store = open_store(session, importing.store, how);
-  if (!store) return kBadInput;
-  ImportOptions import_options;
-  import_options.on_error = importing.on_error == "skip" ? OnError::kSkip : OnError::kStop;
-  import_options.replace = importing.replace;
-  import_options.limits.max_clusters = importing.max_clusters;
-  const ImportResult sum = import_files(*store, importing.files, import_options, session);
-  const std::uint64_t scenes = store->scene_count();
-  const std::string text = fmt::format(
-      "{} scenes with {} clusters added, {} replaced, {} records, {} lines skipped; the store has {} scenes\n",
-      sum.added, sum.clusters, sum.replaced, sum.records, sum.skipped, scenes);
-  return session.finish(exit_code(sum.termination), text,
-                        [&] { return to_text(import_json(sum, scenes, session.seconds())); });
+  return session.run("sherlog.scenes.import/1", [&] { return import_into(session, importing, how); });
 }
 
-int run_export(Options options, const Exporting& exporting) {
-  Session session(std::move(options));
-  std::vector<std::string> outputs = {exporting.output};
-  if (!session.check_options(outputs)) return kBadInput;
-  auto store = open_store(session, exporting.store, {.read_only = true});
+int export_from(Session& session, const Exporting& exporting) {
+  auto store = open_to_read(session, exporting.store);
   if (!store) return kBadInput;
   const auto filter = scene_filter(session, *store, exporting.store);
   if (!filter) return kBadInput;
@@ -162,29 +218,40 @@ int run_export(Options options, const Exporting& exporting) {
   export_options.conclusions = !exporting.scenes_only;
   std::string text;
   std::uint64_t lines = 0;
-  bool stopped = false;
   const bool good = export_lines(*store, export_options, [&](std::string_view line) {
     text += line;
     ++lines;
-    stopped = session.monitor().interrupted();
-    return !stopped;
+    return true;
   });
-  if (stopped) return session.error("interrupted; nothing was written"), kInterruptedExit;
-  if (!good) return session.error(store->problem()), kBadInput;
+  Termination termination = Termination::kCompleted;
+  if (!good && !store->was_stopped()) return session.error(store->problem()), kBadInput;
+  if (!good) {
+    termination = stopped_by(session);
+    session.error(fmt::format("{} after {} lines; the rest is missing", stop_words(termination), lines));
+  }
   if (exporting.output != "-") {
     if (const auto problem = write_file(exporting.output, text)) return session.error(*problem), kInternalError;
+    text = fmt::format("{} lines\n", lines);
   }
-  return session.finish(kDone, exporting.output == "-" ? text : fmt::format("{} lines\n", lines), [&] {
-    return to_text(Json{{"schema", "sherlog.scenes.export/1"}, {"lines", lines}});
+  return session.finish(exit_code(termination), text, [&] {
+    return to_text(
+        Json{{"schema", "sherlog.scenes.export/1"}, {"termination", to_string(termination)}, {"lines", lines}});
   });
+}
+
+int run_export(Options options, const Exporting& exporting) {
+  Session session(std::move(options));
+  if (!session.check_options({exporting.output})) return kBadInput;
+  return session.run("sherlog.scenes.export/1", [&] { return export_from(session, exporting); });
 }
 
 int run_check(Options options, const StoreChoice& choice) {
   Session session(std::move(options));
   if (!session.check_options()) return kBadInput;
-  auto store = open_store(session, choice, {.read_only = true});
+  auto store = open_to_read(session, choice);
   if (!store) return kBadInput;
   const std::vector<std::string> problems = store->check();
+  if (store->was_stopped()) return finish_unread(session, *store, "sherlog.scenes.check/1");
   for (const std::string& problem : problems) session.error(problem);
   const std::uint64_t scenes = store->scene_count(), clusters = store->cluster_count();
   return session.finish(problems.empty() ? kDone : kBadInput,
@@ -216,7 +283,8 @@ void add_scenes_files(CLI::App& scenes, Action& action) {
                      "(default stop)")
         ->type_name("stop|skip")
         ->check(one_of({"stop", "skip"}));
-    command->add_flag("--replace", importing->replace, "A scene whose id the store has takes its place");
+    command->add_flag("--replace", importing->replace,
+                      "What the store has under an id, a scene or a record, makes place for the new one");
     command->add_option("--max-clusters", importing->max_clusters, "Refuse scenes with more (default 5000)")
         ->type_name("N")
         ->check(whole_number(1'000'000));

@@ -1,12 +1,10 @@
 // sherlog scenes list, show, counts, times: what a store has.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <memory>
 
 #include "cli/scenes.h"
 #include "cli/table.h"
-#include "perception_bridge/annotation_types.h"
 
 namespace sherlog::cli {
 namespace {
@@ -25,19 +23,16 @@ struct Showing {
 int run_list(Options options, const Listing& listing) {
   Session session(std::move(options));
   if (!session.check_options()) return kBadInput;
-  auto store = open_store(session, listing.store, {.read_only = true});
+  auto store = open_to_read(session, listing.store);
   if (!store) return kBadInput;
   const auto concepts = read_concepts(session, listing.store);
   auto filter = scene_filter(session, *store, listing.store);
   if (!filter || !concepts) return kBadInput;
   filter->newest_first = listing.newest_first;
-  std::vector<SceneSummary> found;
-  for (const std::string& place : names_of(*concepts, listing.place)) {
-    filter->place = place;
-    const auto some = store->scenes(*filter);
-    found.insert(found.end(), some.begin(), some.end());
-  }
-  if (!store->problem().empty()) return session.error(store->problem()), kBadInput;
+  if (!listing.place.empty()) filter->places = names_of(*concepts, listing.place);
+  const std::vector<SceneSummary> found = store->scenes(*filter);
+  const std::uint64_t all = store->scene_count();
+  if (!store->problem().empty()) return finish_unread(session, *store, "sherlog.scenes.list/1");
   Table table({{"scene", Align::kLeft},
                {"time", Align::kLeft},
                {"place", Align::kLeft},
@@ -47,18 +42,17 @@ int run_list(Options options, const Listing& listing) {
     table.add_row({scene.id, time_text(scene.time, listing.store.utc_offset), scene.place,
                    std::to_string(scene.clusters), std::to_string(scene.annotations)});
   }
-  return session.finish(kDone, fmt::format("{} of {} scenes\n\n{}", found.size(), store->scene_count(), table.text()),
-                        [&] {
-                          Json json{{"schema", "sherlog.scenes.list/1"}, {"scenes", Json::array()}};
-                          for (const SceneSummary& scene : found) {
-                            json["scenes"].push_back({{"id", scene.id},
-                                                      {"time", scene.time},
-                                                      {"place", scene.place},
-                                                      {"clusters", scene.clusters},
-                                                      {"annotations", scene.annotations}});
-                          }
-                          return to_text(json);
-                        });
+  return session.finish(kDone, fmt::format("{} of {} scenes\n\n{}", found.size(), all, table.text()), [&] {
+    Json json{{"schema", "sherlog.scenes.list/1"}, {"scenes", Json::array()}};
+    for (const SceneSummary& scene : found) {
+      json["scenes"].push_back({{"id", scene.id},
+                                {"time", scene.time},
+                                {"place", scene.place},
+                                {"clusters", scene.clusters},
+                                {"annotations", scene.annotations}});
+    }
+    return to_text(json);
+  });
 }
 
 // "shape=box (0.89)", "frame_id=stove_link, reference_desc=on"
@@ -100,16 +94,16 @@ std::string scene_text(const Scene& scene, double utc_offset) {
 int run_show(Options options, const Showing& showing) {
   Session session(std::move(options));
   if (!session.check_options()) return kBadInput;
-  auto store = open_store(session, showing.store, {.read_only = true});
+  auto store = open_to_read(session, showing.store);
   if (!store) return kBadInput;
   const auto scene = store->scene(showing.scene);
-  if (!scene) {
-    session.error(store->problem().empty() ? fmt::format("the store has no scene '{}'", showing.scene)
-                                           : store->problem());
+  if (!scene && store->problem().empty()) {
+    session.error(fmt::format("the store has no scene '{}'", showing.scene));
     return kBadInput;
   }
-  const auto evidence = store->evidence_of(scene->id);
-  const auto beliefs = store->beliefs_of(scene->id);
+  const auto evidence = store->evidence_of(showing.scene);
+  const auto beliefs = store->beliefs_of(showing.scene);
+  if (!scene || !store->problem().empty()) return finish_unread(session, *store, "sherlog.scenes.show/1");
   std::string text = scene_text(*scene, showing.store.utc_offset);
   for (const StoredEvidence& entry : evidence)
     text += fmt::format("\nevidence by '{}':\n{}", entry.mapping, entry.text);
@@ -126,20 +120,20 @@ int run_show(Options options, const Showing& showing) {
 int run_counts(Options options, const StoreChoice& choice) {
   Session session(std::move(options));
   if (!session.check_options()) return kBadInput;
-  auto store = open_store(session, choice, {.read_only = true});
+  auto store = open_to_read(session, choice);
   if (!store) return kBadInput;
   const std::uint64_t scenes = store->scene_count(), clusters = store->cluster_count();
   const auto counts = store->type_counts();
   // What an image search found is counted by kind as well, as the paper does.
   std::vector<std::pair<std::string, std::uint64_t>> kinds;
   for (const TypeCount& count : counts) {
-    if (full_type_name(count.type) == "rs.annotation.Goggles") kinds = store->field_counts(count.type, "category");
+    if (count.type == "rs.annotation.Goggles") kinds = store->field_counts(count.type, "category");
   }
-  if (!store->problem().empty()) return session.error(store->problem()), kBadInput;
+  if (!store->problem().empty()) return finish_unread(session, *store, "sherlog.scenes.counts/1");
   Table table({{"type", Align::kLeft}, {"of scenes", Align::kRight}, {"of clusters", Align::kRight}});
   for (const TypeCount& count : counts) {
     table.add_row({count.type, std::to_string(count.of_scenes), std::to_string(count.of_clusters)});
-    if (full_type_name(count.type) != "rs.annotation.Goggles") continue;
+    if (count.type != "rs.annotation.Goggles") continue;
     for (const auto& [kind, number] : kinds) table.add_row({"  " + kind, "", std::to_string(number)});
   }
   return session.finish(kDone, fmt::format("{} scenes, {} clusters\n\n{}", scenes, clusters, table.text()), [&] {
@@ -157,10 +151,10 @@ int run_counts(Options options, const StoreChoice& choice) {
 int run_times(Options options, const StoreChoice& choice) {
   Session session(std::move(options));
   if (!session.check_options()) return kBadInput;
-  auto store = open_store(session, choice, {.read_only = true});
+  auto store = open_to_read(session, choice);
   if (!store) return kBadInput;
   const TimeReport report = store->times();
-  if (!store->problem().empty()) return session.error(store->problem()), kBadInput;
+  if (!store->problem().empty()) return finish_unread(session, *store, "sherlog.scenes.times/1");
   Table table(
       {{"annotator", Align::kLeft}, {"runs", Align::kRight}, {"mean ms", Align::kRight}, {"std ms", Align::kRight}});
   const auto add_row = [&](const TimeReport::Row& row) {

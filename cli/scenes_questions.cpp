@@ -27,7 +27,7 @@ struct Opened {
 
 std::optional<Opened> open_for(Session& session, const Asking& asking) {
   if (!session.check_options()) return std::nullopt;
-  auto store = open_store(session, asking.store, {.read_only = true});
+  auto store = open_to_read(session, asking.store);
   if (!store) return std::nullopt;
   auto filter = scene_filter(session, *store, asking.store);
   auto concepts = read_concepts(session, asking.store);
@@ -86,7 +86,7 @@ int run_where(Options options, const Asking& asking) {
     identity = opened->store.identity(found.front().label);
   }
   const auto belongs = place_for(opened->concepts, asking.thing);
-  if (!opened->store.problem().empty()) return session.error(opened->store.problem()), kBadInput;
+  if (!opened->store.problem().empty()) return finish_unread(session, opened->store, "sherlog.scenes.where/1");
   const double offset = asking.store.utc_offset;
   const bool missed = looked && !found.empty() && *looked > found.front().time;
   std::string text =
@@ -130,7 +130,7 @@ int run_history(Options options, const Asking& asking) {
   auto opened = open_for(session, asking);
   if (!opened) return kBadInput;
   std::vector<Found> found = find_thing(*opened, asking.thing);
-  if (!opened->store.problem().empty()) return session.error(opened->store.problem()), kBadInput;
+  if (!opened->store.problem().empty()) return finish_unread(session, opened->store, "sherlog.scenes.history/1");
   std::reverse(found.begin(), found.end());
   std::vector<Stay> stays;
   for (const Found& entry : found) {
@@ -176,7 +176,7 @@ bool same_name(const std::string& a, const std::string& b) {
 // Keeps what bears one of the names, under that name.
 void keep_named(Opened& opened, const std::vector<std::string>& names, std::vector<Found>& found) {
   std::erase_if(found, [&](Found& entry) {
-    for (const std::string& label : opened.store.labels_of(entry.scene, entry.cluster)) {
+    for (const std::string& label : opened.store.names_of(entry.scene, entry.cluster)) {
       for (const std::string& name : names) {
         if (!same_name(label, name)) continue;
         entry.label = label;
@@ -187,44 +187,60 @@ void keep_named(Opened& opened, const std::vector<std::string>& names, std::vect
   });
 }
 
-// Without a time: what was there at the last look.
+// The newest look at each of the places that were looked at.
+std::vector<std::pair<std::string, double>> last_looks(Opened& opened, const std::string& place) {
+  std::vector<std::pair<std::string, double>> looks;
+  for (const std::string& name : names_of(opened.concepts, place)) {
+    if (const auto time = opened.store.last_look(name)) looks.emplace_back(name, *time);
+  }
+  return looks;
+}
+
+// "at the last look on 2012-11-22 08:00:00", of several places "... (table_a), ... (table_b)".
+std::string looks_text(const std::vector<std::pair<std::string, double>>& looks, double utc_offset) {
+  std::string text = "at the last look on ";
+  for (const auto& [place, time] : looks) {
+    text += fmt::format("{}{}", &place == &looks.front().first ? "" : ", ", time_text(time, utc_offset));
+    if (looks.size() > 1) text += fmt::format(" ({})", place);
+  }
+  return text;
+}
+
+// Without a time: what was there at the last look, at each place at its own.
 int run_on(Options options, const Asking& asking) {
   Session session(std::move(options));
   auto opened = open_for(session, asking);
   if (!opened) return kBadInput;
   const bool asks_now = asking.store.from.empty() && asking.store.to.empty() && asking.store.during.empty();
-  const auto places = names_of(opened->concepts, asking.place);
-  std::optional<double> looked;
-  for (const std::string& place : places) {
-    const auto time = opened->store.last_look(place);
-    if (time && (!looked || *time > *looked)) looked = time;
-  }
-  if (asks_now && looked) opened->filter.from = opened->filter.to = *looked;
+  const auto looks = last_looks(*opened, asking.place);
   std::vector<Found> found;
-  for (const std::string& place : places) {
+  for (const auto& [place, time] : looks) {
+    if (asks_now) opened->filter.from = opened->filter.to = time;
     const auto some = opened->store.at_place(place, opened->filter);
     found.insert(found.end(), some.begin(), some.end());
   }
   std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.time < b.time; });
   if (!asking.thing.empty()) keep_named(*opened, names_of(opened->concepts, asking.thing), found);
-  if (!opened->store.problem().empty()) return session.error(opened->store.problem()), kBadInput;
+  if (!opened->store.problem().empty()) return finish_unread(session, opened->store, "sherlog.scenes.on/1");
   const double offset = asking.store.utc_offset;
   std::string text;
-  if (!looked) {
+  if (looks.empty()) {
     text = fmt::format("nothing was ever seen at '{}'\n", asking.place);
   } else if (!asking.thing.empty()) {
-    text = fmt::format("{}, {}\n", found.empty() ? "no" : "yes",
-                       asks_now ? "at the last look on " + time_text(*looked, offset) : "in that time");
+    text = fmt::format("{}, {}\n", found.empty() ? "no" : "yes", asks_now ? looks_text(looks, offset) : "in that time");
   } else if (asks_now) {
-    text = fmt::format("at the last look on {}\n", time_text(*looked, offset));
+    text = looks_text(looks, offset) + "\n";
   }
-  if (looked && !(asking.thing.size() > 0 && found.empty()))
+  if (!looks.empty() && !(asking.thing.size() > 0 && found.empty()))
     text += (text.empty() ? "" : "\n") + found_table(found, offset).text();
   return session.finish(kDone, text, [&] {
     Json json{{"schema", "sherlog.scenes.on/1"}, {"place", asking.place}};
     if (!asking.thing.empty()) json["thing"] = asking.thing;
     if (!asking.thing.empty()) json["answer"] = !found.empty();
-    if (looked) json["last_look"] = *looked;
+    for (const auto& [place, time] : looks) {
+      json["last_look"] = std::max(time, json.value("last_look", time));
+      json["looks"].push_back({{"place", place}, {"time", time}});
+    }
     json["found"] = found_json(found);
     return to_text(json);
   });

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <unordered_set>
 
@@ -153,6 +154,21 @@ bool names_a_type(const std::string& key) {
          key.find(".scene.") != std::string::npos;
 }
 
+// What is said of whole scenes; where something is, is said of scenes and of things.
+bool is_of_scenes(std::string_view type) {
+  constexpr std::array<std::string_view, 8> kTypes = {
+      "sherlog.annotation.Context",
+      "sherlog.annotation.ViewFrustum",
+      "sherlog.annotation.ViewBox",
+      "rs.annotation.LoggingInformation",
+      "rs.annotation.ClusterSimilaritiesMatrix",
+      "rs.annotation.ClusterDistancesMatrix",
+      "rs.annotation.TFLocation",
+      "rs.annotation.LocationAnnotation",
+  };
+  return std::find(kTypes.begin(), kTypes.end(), full_type_name(type)) != kTypes.end();
+}
+
 // True where the key was a list of annotations, which now stand in `annotations` (or `hypotheses`).
 bool read_annotations(const std::string& key, const Value& value, const std::string& where,
                       std::vector<Annotation>& annotations, std::vector<Annotation>& hypotheses,
@@ -262,6 +278,18 @@ void add_annotations(Value::Object& object, const std::vector<Annotation>& annot
   }
 }
 
+Value cluster_to_json(const Cluster& cluster, bool says_frame) {
+  Value::Object object{{"id", Value(cluster.id)}};
+  add_number(object, "timestamp", cluster.timestamp);
+  add_text(object, "source", cluster.source);
+  if (says_frame) add_text(object, "frame", cluster.frame);
+  add_number(object, "confidence", cluster.confidence);
+  add_annotations(object, cluster.hypotheses);
+  add_annotations(object, cluster.annotations);
+  object.insert(object.end(), cluster.other.begin(), cluster.other.end());
+  return Value(std::move(object));
+}
+
 std::optional<ScenePosition> position_at(const std::vector<const Value*>& values, const Value* frame) {
   for (const Value* value : values) {
     auto numbers = numbers_of(*value);
@@ -298,8 +326,10 @@ bool operator==(const Annotation& a, const Annotation& b) {
          a.confidence == b.confidence && Value(a.fields) == Value(b.fields);
 }
 
+// As their documents are.
 bool operator==(const Cluster& a, const Cluster& b) {
-  return a.id == b.id && a.source == b.source && a.frame == b.frame && a.timestamp == b.timestamp &&
+  const auto said = [](const Cluster& c) { return c.has_frame_of_scene ? std::nullopt : c.frame; };
+  return a.id == b.id && a.source == b.source && said(a) == said(b) && a.timestamp == b.timestamp &&
          a.confidence == b.confidence && a.hypotheses == b.hypotheses && a.annotations == b.annotations &&
          Value(a.other) == Value(b.other);
 }
@@ -393,20 +423,30 @@ std::optional<Scene> scene_from_json(const Value& document, SceneMessages& messa
   scene.annotations.insert(scene.annotations.end(), hypotheses.begin(), hypotheses.end());
   if (messages.errors.size() == before) check_scene(scene, limits, messages);
   if (messages.errors.size() != before) return std::nullopt;
+  take_frame_of_scene(scene);
   return scene;
 }
 
-Value designator_to_json(const Cluster& cluster) {
-  Value::Object object{{"id", Value(cluster.id)}};
-  add_number(object, "timestamp", cluster.timestamp);
-  add_text(object, "source", cluster.source);
-  add_text(object, "frame", cluster.frame);
-  add_number(object, "confidence", cluster.confidence);
-  add_annotations(object, cluster.hypotheses);
-  add_annotations(object, cluster.annotations);
-  object.insert(object.end(), cluster.other.begin(), cluster.other.end());
-  return Value(std::move(object));
+bool is_designator(const Value& document) {
+  const Value::Object* object = document.object();
+  if (object == nullptr || find(*object, "identifiables") != nullptr || find(*object, "clusters") != nullptr)
+    return false;
+  return std::any_of(object->begin(), object->end(), [](const auto& entry) {
+    const auto& [key, value] = entry;
+    return is_list_of_objects(value) && find_annotation_type(key) != nullptr && !is_of_scenes(key);
+  });
 }
+
+void take_frame_of_scene(Scene& scene) {
+  if (!scene.frame) return;
+  for (Cluster& cluster : scene.clusters) {
+    if (cluster.frame) continue;
+    cluster.frame = scene.frame;
+    cluster.has_frame_of_scene = true;
+  }
+}
+
+Value designator_to_json(const Cluster& cluster) { return cluster_to_json(cluster, true); }
 
 Value scene_to_json(const Scene& scene) {
   Value::Object object{{"id", Value(scene.id)}, {"timestamp", Value(scene.timestamp)}};
@@ -417,7 +457,10 @@ Value scene_to_json(const Scene& scene) {
   if (scene.has_clusters_key || !scene.clusters.empty()) {
     Value::List clusters;
     clusters.reserve(scene.clusters.size());
-    for (const Cluster& cluster : scene.clusters) clusters.push_back(designator_to_json(cluster));
+    for (const Cluster& cluster : scene.clusters) {
+      const bool says_frame = !(cluster.has_frame_of_scene && cluster.frame == scene.frame);
+      clusters.push_back(cluster_to_json(cluster, says_frame));
+    }
     object.emplace_back(scene.calls_them_clusters ? "clusters" : "identifiables", Value(std::move(clusters)));
   }
   return Value(std::move(object));

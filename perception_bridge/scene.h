@@ -41,6 +41,8 @@ struct Cluster {
   std::vector<ObjectHypothesis> hypotheses;
   std::vector<Annotation> annotations;
   Value::Object other;  // keys that are not known
+  // The document says `frame` of the scene and not of this cluster: written back there only.
+  bool has_frame_of_scene = false;
 
   friend bool operator==(const Cluster&, const Cluster&);
 };
@@ -86,6 +88,10 @@ struct SceneMessages {
 std::optional<Scene> scene_from_json(const Value& document, SceneMessages& messages, const SceneLimits& limits = {});
 std::optional<Cluster> designator_from_json(const Value& document, SceneMessages& messages,
                                             const SceneLimits& limits = {});
+// Whether a line is an object designator and no scene: it has no list of clusters, and something that is said of a thing.
+bool is_designator(const Value& document);
+// A cluster that does not say its frame is in that of its scene. Done for every scene that is read.
+void take_frame_of_scene(Scene& scene);
 Value scene_to_json(const Scene& scene);
 Value designator_to_json(const Cluster& cluster);
 

@@ -129,17 +129,18 @@ std::optional<std::int64_t> SceneStore::cluster_row(std::int64_t scene, std::str
 // --- writing ---
 
 SceneStore::Added SceneStore::add(const Scene& scene, bool replace) {
-  bool existed = false, refused = false;
+  Added added = Added::kNew;
   const bool good = in_transaction([&] {
-    existed = has(scene.id);
-    refused = existed && !replace;
-    if (refused) return;
-    if (existed) remove(scene.id);
+    if (const auto row = scene_row(scene.id)) {
+      added = !replace                                            ? Added::kDuplicate
+              : scene_to_json(read(*row)) == scene_to_json(scene) ? Added::kUnchanged
+                                                                  : Added::kReplaced;
+    }
+    if (added == Added::kDuplicate || added == Added::kUnchanged) return;
+    if (added == Added::kReplaced) remove(scene.id);
     insert(scene);
   });
-  if (!good) return Added::kFailed;
-  if (refused) return Added::kDuplicate;
-  return existed ? Added::kReplaced : Added::kNew;
+  return good ? added : Added::kFailed;
 }
 
 bool SceneStore::remove(std::string_view scene) {
@@ -174,10 +175,10 @@ void SceneStore::insert_cluster(const Scene& scene, std::int64_t row, const Clus
       "y, z) "
       "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(row).bind(std::string_view(cluster.id)).bind(scene.timestamp).bind(cluster.timestamp);
-  insert.bind(cluster.source).bind(cluster.frame).bind(cluster.confidence).bind(other_text(cluster.other));
-  insert.bind(std::string_view(place));
+  insert.bind(cluster.source).bind(cluster.has_frame_of_scene ? std::nullopt : cluster.frame);
+  insert.bind(cluster.confidence).bind(other_text(cluster.other)).bind(std::string_view(place));
   if (position) {
-    insert.bind(std::string_view(position->frame));
+    insert.bind(position->frame.empty() ? std::string_view(scene.frame.value_or("")) : position->frame);
     for (const double coordinate : position->coordinates) insert.bind(coordinate);
   }
   insert.run();
@@ -259,7 +260,13 @@ bool SceneStore::add(const StoredBelief& belief) {
 bool SceneStore::add(const Identity& identity) {
   bool complete = true;
   const bool good = in_transaction([&] {
-    database_->statement("DELETE FROM identities WHERE name = ?").bind(std::string_view(identity.id)).run();
+    const auto stored = identity_id(identity.id);
+    if (stored && *stored != identity.id) {
+      database_->refuse(
+          fmt::format("the store has an identity '{}', and '{}' differs from it in upper and lower case only", *stored,
+                      identity.id));
+    }
+    if (stored) remove_identity(identity.id);
     database_
         ->statement(
             "INSERT INTO identities(name, last_seen, was_seen, in_view, disappeared, other) VALUES (?, ?, ?, ?, ?, ?)")
@@ -295,7 +302,9 @@ bool SceneStore::remove_beliefs(std::string_view kind) {
 }
 
 bool SceneStore::remove_identity(std::string_view id) {
-  return in_transaction([&] { database_->statement("DELETE FROM identities WHERE name = ?").bind(id).run(); });
+  // Just this one; the first comparison is that of the index.
+  constexpr const char* kRemove = "DELETE FROM identities WHERE name = ?1 AND name = ?1 COLLATE BINARY";
+  return in_transaction([&] { database_->statement(kRemove).bind(id).run(); });
 }
 
 // --- reading ---
@@ -351,6 +360,7 @@ Scene SceneStore::read(std::int64_t row) {
     Cluster& cluster = scene.clusters[owner->second];
     (is_hypothesis_type(annotation.type) ? cluster.hypotheses : cluster.annotations).push_back(std::move(annotation));
   }
+  take_frame_of_scene(scene);
   return scene;
 }
 
@@ -399,6 +409,27 @@ std::vector<StoredBelief> SceneStore::beliefs_of(std::string_view scene) {
     std::string problem;
     result.push_back({std::string(scene), query.text(0), parse_json(query.text(1), problem).value_or(Value())});
   }
+  return result;
+}
+
+std::optional<std::string> SceneStore::identity_id(std::string_view id) {
+  SqlStatement& query = database_->statement("SELECT name FROM identities WHERE name = ?");
+  if (!query.bind(id).step()) return std::nullopt;
+  std::string name = query.text(0);
+  query.reset();
+  return name;
+}
+
+Conclusions SceneStore::conclusions_of(std::string_view scene) {
+  SqlStatement& query = database_->statement(
+      "SELECT (SELECT count(*) FROM evidence e WHERE e.scene = s.id), (SELECT count(*) FROM beliefs b WHERE b.scene = "
+      "s.id), (SELECT count(*) FROM sightings g JOIN clusters c ON c.id = g.cluster WHERE c.scene = s.id) "
+      "FROM scenes s WHERE s.name = ?");
+  Conclusions result;
+  if (!query.bind(scene).step()) return result;
+  result = {static_cast<std::uint64_t>(query.whole(0)), static_cast<std::uint64_t>(query.whole(1)),
+            static_cast<std::uint64_t>(query.whole(2))};
+  query.reset();
   return result;
 }
 

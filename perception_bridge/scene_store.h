@@ -33,7 +33,8 @@ inline constexpr std::int64_t kStoreVersion = 2;
 struct SceneFilter {
   double from = -std::numeric_limits<double>::infinity();
   double to = std::numeric_limits<double>::infinity();
-  std::string place = {};   // of the scene or of one of its clusters; empty: any
+  // One of them is the place of the scene or of one of its clusters; empty: any place.
+  std::vector<std::string> places = {};
   std::uint64_t limit = 0;  // 0: all
   bool newest_first = false;
 };
@@ -60,7 +61,7 @@ struct Sighting {
   std::string scene, cluster;
   double time = 0;  // of the scene; filled by the store
   double probability = 1;
-  std::string explanation;  // stay, move, newview, appear
+  std::string explanation = {};  // stay, move, newview, appear
 };
 
 // An object that lasts; the fields of RoboSherlock's rs.scene.Object.
@@ -70,8 +71,8 @@ struct Identity {
   bool was_seen = false;  // in the scene before the last
   bool in_view = false;
   bool disappeared = false;
-  Value::Object other;
-  std::vector<Sighting> sightings;  // in the order of time
+  Value::Object other = {};
+  std::vector<Sighting> sightings = {};  // in the order of time
 };
 
 // A cluster that answers a question about a thing.
@@ -84,8 +85,15 @@ struct Found {
   std::string frame;
 };
 
+// How much was concluded from a scene, and goes with it.
+struct Conclusions {
+  std::uint64_t evidence = 0, beliefs = 0, sightings = 0;
+
+  bool any() const { return evidence + beliefs + sightings > 0; }
+};
+
 struct TypeCount {
-  std::string type;
+  std::string type;  // its full name where it is known, however it was written
   std::uint64_t of_scenes = 0, of_clusters = 0;
 };
 
@@ -107,6 +115,10 @@ class SceneStore {
   // The last problem; "" where there was none.
   const std::string& problem() const { return database_->ok() ? rolled_back_problem_ : database_->problem(); }
 
+  // Asked now and then while the store is read: true ends it with a problem. For stores that are only read.
+  void stop_when(std::function<bool()> wants_end) { database_->stop_when(std::move(wants_end)); }
+  bool was_stopped() const { return database_->was_stopped(); }
+
   // Changes between begin and commit are there all or not at all; without them each call is a transaction of its own.
   bool begin();
   bool commit();
@@ -116,12 +128,14 @@ class SceneStore {
   bool keep_mark();
   void return_to_mark();
 
-  enum class Added : std::uint8_t { kNew, kReplaced, kDuplicate, kFailed };
-  // kDuplicate: the store has a scene of that id, and `replace` is false; nothing is changed.
+  enum class Added : std::uint8_t { kNew, kReplaced, kUnchanged, kDuplicate, kFailed };
+  // kDuplicate: the store has a scene of that id, and `replace` is false; nothing is changed. kUnchanged: it has this very
+  // scene; what was concluded from it stays. A scene that is replaced loses that.
   Added add(const Scene& scene, bool replace = false);
   bool remove(std::string_view scene);
   // These replace what the scene (for that mapping, of that kind) or the identity had. False also where the scene or a
-  // sighting's cluster is not in the store.
+  // sighting's cluster is not in the store. Identities are found whatever the case of their names; so two that differ in
+  // nothing else are a problem.
   bool add(const StoredEvidence& evidence);
   bool add(const StoredBelief& belief);
   bool add(const Identity& identity);
@@ -138,21 +152,25 @@ class SceneStore {
   // That of the newest scene that has one of the kind.
   std::optional<StoredBelief> newest_belief(std::string_view kind);
   std::optional<Identity> identity(std::string_view id);
+  // The id as the store spells it: upper and lower case are one.
+  std::optional<std::string> identity_id(std::string_view id);
+  Conclusions conclusions_of(std::string_view scene);
   std::vector<StoredEvidence> evidence_of(std::string_view scene);
   std::vector<StoredBelief> beliefs_of(std::string_view scene);
   std::vector<std::string> identities();
 
   // Newest first. `name`: an identity's, or a label that an annotator gave (upper and lower case are one).
   std::vector<Found> find(std::string_view name, const SceneFilter& filter);
-  // All clusters at a place, in the order of time, each under its most confident label ("" without one).
+  // All clusters at a place, in the order of time, each under its most confident label ("" without one). One that does not say
+  // where it is, is where its scene is.
   std::vector<Found> at_place(std::string_view place, const SceneFilter& filter);
   // The time of the newest scene that looked at the place.
   std::optional<double> last_look(std::string_view place);
   std::optional<double> newest();
   // The scene before that one, by time.
   std::optional<std::string> scene_before(std::string_view scene);
-  // Every name that annotators gave to the cluster, most confident first.
-  std::vector<std::string> labels_of(std::string_view scene, std::string_view cluster);
+  // Every name that annotators gave to the cluster, most confident first; then the identities that it was taken for.
+  std::vector<std::string> names_of(std::string_view scene, std::string_view cluster);
 
   std::uint64_t scene_count();
   std::uint64_t cluster_count();
@@ -167,6 +185,8 @@ class SceneStore {
   explicit SceneStore(std::unique_ptr<SqlDatabase> database) : database_(std::move(database)) {}
   std::vector<std::int64_t> rows(const SceneFilter& filter);
   bool in_transaction(const std::function<void()>& body);
+  // The rows of all spellings of a type, for an SQL list: "3,17".
+  std::string type_rows(std::string_view type);
   std::int64_t type_row(std::string_view name);
   std::optional<std::int64_t> scene_row(std::string_view id);
   std::optional<std::int64_t> cluster_row(std::int64_t scene, std::string_view id);

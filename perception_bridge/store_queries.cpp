@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <map>
 
 #include "perception_bridge/annotation_types.h"
 #include "perception_bridge/scene_store.h"
@@ -52,9 +54,10 @@ struct RunningMoments {
   }
 };
 
-constexpr const char* kOldestFirst = "SELECT id FROM scenes WHERE time BETWEEN ?1 AND ?2 ORDER BY time, id LIMIT ?3";
+constexpr const char* kOldestFirst =
+    "SELECT id, time FROM scenes WHERE time BETWEEN ?1 AND ?2 ORDER BY time, id LIMIT ?3";
 constexpr const char* kNewestFirst =
-    "SELECT id FROM scenes WHERE time BETWEEN ?1 AND ?2 ORDER BY time DESC, id DESC LIMIT ?3";
+    "SELECT id, time FROM scenes WHERE time BETWEEN ?1 AND ?2 ORDER BY time DESC, id DESC LIMIT ?3";
 // Both sides come sorted out of their index and are merged, so that a limit ends the search early.
 constexpr const char* kPlaceOldestFirst =
     "SELECT id, time FROM scenes WHERE place = ?4 AND time BETWEEN ?1 AND ?2 UNION "
@@ -67,13 +70,26 @@ constexpr const char* kPlaceNewestFirst =
 }  // namespace
 
 std::vector<std::int64_t> SceneStore::rows(const SceneFilter& filter) {
+  std::vector<std::pair<double, std::int64_t>> found;
+  const auto take = [&](const char* sql, const std::string* place) {
+    SqlStatement& query = database_->statement(sql);
+    query.bind(bounded(filter.from)).bind(bounded(filter.to)).bind(row_limit(filter));
+    if (place != nullptr) query.bind(std::string_view(*place));
+    while (query.step()) found.emplace_back(query.real(1), query.whole(0));
+  };
+  if (filter.places.empty()) take(filter.newest_first ? kNewestFirst : kOldestFirst, nullptr);
+  for (const std::string& place : filter.places) {
+    take(filter.newest_first ? kPlaceNewestFirst : kPlaceOldestFirst, &place);
+  }
+  if (filter.places.size() > 1) {
+    std::sort(found.begin(), found.end());
+    found.erase(std::unique(found.begin(), found.end()), found.end());
+    if (filter.newest_first) std::reverse(found.begin(), found.end());
+    if (filter.limit > 0) found.resize(std::min<std::size_t>(found.size(), filter.limit));
+  }
   std::vector<std::int64_t> result;
-  const char* sql = filter.place.empty() ? (filter.newest_first ? kNewestFirst : kOldestFirst)
-                                         : (filter.newest_first ? kPlaceNewestFirst : kPlaceOldestFirst);
-  SqlStatement& query = database_->statement(sql);
-  query.bind(bounded(filter.from)).bind(bounded(filter.to)).bind(row_limit(filter));
-  if (!filter.place.empty()) query.bind(std::string_view(filter.place));
-  while (query.step()) result.push_back(query.whole(0));
+  result.reserve(found.size());
+  for (const auto& [time, row] : found) result.push_back(row);
   return result;
 }
 
@@ -106,7 +122,8 @@ bool SceneStore::for_each_scene(const SceneFilter& filter, const std::function<b
 std::vector<Found> SceneStore::find(std::string_view name, const SceneFilter& filter) {
   std::vector<Found> result;
   SqlStatement& sightings = database_->statement(
-      "SELECT i.name, g.probability, s.name, c.name, c.place, g.time, c.position_frame, c.x, c.y, c.z "
+      "SELECT i.name, g.probability, s.name, c.name, CASE WHEN c.place = '' THEN s.place ELSE c.place END, g.time, "
+      "c.position_frame, c.x, c.y, c.z "
       "FROM identities i JOIN sightings g ON g.identity = i.id JOIN clusters c ON c.id = g.cluster "
       "JOIN scenes s ON s.id = c.scene "
       "WHERE i.name = ? AND g.time BETWEEN ? AND ? ORDER BY g.time DESC, c.id LIMIT ?");
@@ -116,7 +133,8 @@ std::vector<Found> SceneStore::find(std::string_view name, const SceneFilter& fi
   }
   if (!result.empty()) return result;
   SqlStatement& labels = database_->statement(
-      "SELECT l.label, l.confidence, s.name, c.name, c.place, l.time, c.position_frame, c.x, c.y, c.z "
+      "SELECT l.label, l.confidence, s.name, c.name, CASE WHEN c.place = '' THEN s.place ELSE c.place END, l.time, "
+      "c.position_frame, c.x, c.y, c.z "
       "FROM labels l JOIN clusters c ON c.id = l.cluster JOIN scenes s ON s.id = c.scene "
       "WHERE l.label = ? AND l.time BETWEEN ? AND ? ORDER BY l.time DESC, l.cluster LIMIT ?");
   labels.bind(name).bind(bounded(filter.from)).bind(bounded(filter.to)).bind(row_limit(filter));
@@ -126,10 +144,13 @@ std::vector<Found> SceneStore::find(std::string_view name, const SceneFilter& fi
 
 std::vector<Found> SceneStore::at_place(std::string_view place, const SceneFilter& filter) {
   std::vector<Found> result;
+  if (place.empty()) return result;
   SqlStatement& query = database_->statement(
       "SELECT c.id, s.name, c.name, c.place, c.scene_time, c.position_frame, c.x, c.y, c.z "
-      "FROM clusters c JOIN scenes s ON s.id = c.scene "
-      "WHERE c.place = ? AND c.scene_time BETWEEN ? AND ? ORDER BY c.scene_time, c.id LIMIT ?");
+      "FROM clusters c JOIN scenes s ON s.id = c.scene WHERE c.place = ?1 AND c.scene_time BETWEEN ?2 AND ?3 UNION ALL "
+      "SELECT c.id, s.name, c.name, s.place, c.scene_time, c.position_frame, c.x, c.y, c.z "
+      "FROM scenes s JOIN clusters c ON c.scene = s.id "
+      "WHERE s.place = ?1 AND s.time BETWEEN ?2 AND ?3 AND c.place = '' ORDER BY 5, 1 LIMIT ?4");
   query.bind(place).bind(bounded(filter.from)).bind(bounded(filter.to)).bind(row_limit(filter));
   while (query.step()) {
     SqlStatement& best = database_->statement(
@@ -146,17 +167,24 @@ std::vector<Found> SceneStore::at_place(std::string_view place, const SceneFilte
   return result;
 }
 
-std::vector<std::string> SceneStore::labels_of(std::string_view scene, std::string_view cluster) {
+std::vector<std::string> SceneStore::names_of(std::string_view scene, std::string_view cluster) {
   std::vector<std::string> result;
-  SqlStatement& query = database_->statement(
+  const auto take = [&](const char* sql) {
+    SqlStatement& query = database_->statement(sql);
+    query.bind(scene).bind(cluster);
+    while (query.step()) result.push_back(query.text(0));
+  };
+  take(
       "SELECT l.label FROM labels l JOIN clusters c ON c.id = l.cluster JOIN scenes s ON s.id = c.scene "
       "WHERE s.name = ? AND c.name = ? ORDER BY l.confidence DESC, l.label");
-  query.bind(scene).bind(cluster);
-  while (query.step()) result.push_back(query.text(0));
+  take(
+      "SELECT i.name FROM sightings g JOIN clusters c ON c.id = g.cluster JOIN scenes s ON s.id = c.scene "
+      "JOIN identities i ON i.id = g.identity WHERE s.name = ? AND c.name = ? ORDER BY g.probability DESC, i.name");
   return result;
 }
 
 std::optional<double> SceneStore::last_look(std::string_view place) {
+  if (place.empty()) return std::nullopt;  // not said, which is no place
   SqlStatement& query = database_->statement(
       "SELECT max(t) FROM (SELECT max(scene_time) AS t FROM clusters WHERE place = ?1 UNION ALL "
       "SELECT max(time) FROM scenes WHERE place = ?1)");
@@ -192,26 +220,41 @@ std::uint64_t SceneStore::cluster_count() {
   return static_cast<std::uint64_t>(database_->number("SELECT count(*) FROM clusters"));
 }
 
+std::string SceneStore::type_rows(std::string_view type) {
+  std::string rows;
+  SqlStatement query(*database_, "SELECT id, name FROM types ORDER BY id");
+  while (query.step()) {
+    if (full_type_name(query.text(1)) != full_type_name(type)) continue;
+    rows += fmt::format("{}{}", rows.empty() ? "" : ",", query.whole(0));
+  }
+  return rows;
+}
+
 std::vector<TypeCount> SceneStore::type_counts() {
-  std::vector<TypeCount> result;
+  std::map<std::string, TypeCount, std::less<>> counts;  // by full name
   SqlStatement query(*database_,
                      "SELECT t.name, count(*) - count(a.cluster), count(a.cluster) FROM annotations a "
-                     "JOIN types t ON t.id = a.type GROUP BY a.type ORDER BY t.name");
+                     "JOIN types t ON t.id = a.type GROUP BY a.type");
   while (query.step()) {
-    result.push_back(
-        {query.text(0), static_cast<std::uint64_t>(query.whole(1)), static_cast<std::uint64_t>(query.whole(2))});
+    const std::string name(full_type_name(query.text(0)));
+    TypeCount& count = counts.try_emplace(name, TypeCount{name, 0, 0}).first->second;
+    count.of_scenes += static_cast<std::uint64_t>(query.whole(1));
+    count.of_clusters += static_cast<std::uint64_t>(query.whole(2));
   }
+  std::vector<TypeCount> result;
+  for (auto& [name, count] : counts) result.push_back(std::move(count));
   return result;
 }
 
 std::vector<std::pair<std::string, std::uint64_t>> SceneStore::field_counts(std::string_view type,
                                                                             std::string_view field) {
   std::vector<std::pair<std::string, std::uint64_t>> result;
-  SqlStatement query(*database_,
-                     "SELECT json_extract(a.fields, '$.' || ?) AS value, count(*) FROM annotations a "
-                     "WHERE a.type = (SELECT id FROM types WHERE name = ?) AND value IS NOT NULL "
-                     "GROUP BY value ORDER BY count(*) DESC, value");
-  query.bind(field).bind(type);
+  const std::string sql = fmt::format(
+      "SELECT json_extract(a.fields, '$.' || ?) AS value, count(*) FROM annotations a WHERE a.type IN ({}) "
+      "AND value IS NOT NULL GROUP BY value ORDER BY count(*) DESC, value",
+      type_rows(type));
+  SqlStatement query(*database_, sql.c_str());
+  query.bind(field);
   while (query.step()) result.emplace_back(query.text(0), static_cast<std::uint64_t>(query.whole(1)));
   return result;
 }
@@ -220,11 +263,11 @@ TimeReport SceneStore::times() {
   TimeReport report;
   std::vector<std::pair<std::string, RunningMoments>> annotators;
   RunningMoments total;
-  SqlStatement query(
-      *database_,
+  const std::string sql = fmt::format(
       "SELECT a.scene, json_extract(a.fields, '$.annotator'), json_extract(a.fields, '$.milliseconds') AS ms "
-      "FROM annotations a JOIN types t ON t.id = a.type "
-      "WHERE t.name = 'rs.annotation.LoggingInformation' AND ms IS NOT NULL ORDER BY a.scene, a.id");
+      "FROM annotations a WHERE a.type IN ({}) AND ms IS NOT NULL ORDER BY a.scene, a.id",
+      type_rows("rs.annotation.LoggingInformation"));
+  SqlStatement query(*database_, sql.c_str());
   std::optional<std::int64_t> scene;
   double sum = 0;
   while (query.step()) {

@@ -80,6 +80,9 @@ std::string check_file(SqlDatabase& database) {
   if (application != kApplication && (tables > 0 || application != 0 || version != 0)) {
     return fmt::format("'{}' is an SQLite file, but not a scene store", database.path());
   }
+  if (version < 0) {
+    return fmt::format("the store '{}' is damaged: its schema has the number {}", database.path(), version);
+  }
   if (version > kStoreVersion) {
     return fmt::format("the store '{}' was made by a newer program (schema {}; this one knows schemas up to {})",
                        database.path(), version, kStoreVersion);

@@ -2,17 +2,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
 #include "perception_bridge/kitchen_scenes.h"
-#include "perception_bridge/scene_lines.h"
+#include "tests/unit/perception_bridge/scene_store_file.h"
 
 namespace sherlog {
 namespace {
@@ -21,79 +18,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
-
-// A store in a folder of its own.
-class SceneStoreFile : public testing::Test {
- protected:
-  SceneStoreFile() {
-    std::string name = (std::filesystem::temp_directory_path() / "sherlog-store-XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-    path_ = (folder_ / "robot.db").string();
-  }
-  ~SceneStoreFile() override { std::filesystem::remove_all(folder_); }
-
-  SceneStore open(const SqlOpen& how = {}) {
-    std::string problem;
-    auto store = SceneStore::open(path_, how, problem);
-    EXPECT_TRUE(store) << problem;
-    return std::move(*store);
-  }
-  std::string problem_of(const SqlOpen& how) {
-    std::string problem;
-    EXPECT_FALSE(SceneStore::open(path_, how, problem));
-    return problem;
-  }
-  void run_sql(const std::string& sql) {
-    sqlite3* handle = nullptr;
-    ASSERT_EQ(sqlite3_open(path_.c_str(), &handle), SQLITE_OK);
-    ASSERT_EQ(sqlite3_exec(handle, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(handle);
-    sqlite3_close(handle);
-  }
-  static ImportResult import(SceneStore& store, const std::string& text, const ImportOptions& options = {}) {
-    std::istringstream in(text);
-    Monitor monitor;
-    return import_lines(store, in, options, monitor);
-  }
-  static std::string exported(SceneStore& store) {
-    std::string text;
-    EXPECT_TRUE(export_lines(store, {}, [&](std::string_view line) { return text += line, true; }));
-    return text;
-  }
-
-  std::filesystem::path folder_;
-  std::string path_;
-};
-
-Annotation label(const std::string& name, double confidence = 0.9) {
-  Annotation annotation;
-  annotation.type = "rs.annotation.Detection";
-  annotation.confidence = confidence;
-  annotation.fields = {{"name", Value(name)}};
-  return annotation;
-}
-
-Annotation on(const std::string& place) {
-  Annotation annotation;
-  annotation.type = "rs.annotation.TFLocation";
-  annotation.fields = {{"frame_id", Value(place)}};
-  return annotation;
-}
-
-Scene small_scene(const std::string& id, double time, const std::vector<std::pair<std::string, std::string>>& things) {
-  Scene scene;
-  scene.id = id;
-  scene.timestamp = time;
-  for (const auto& [name, place] : things) {
-    Cluster& cluster = scene.clusters.emplace_back();
-    cluster.id = "c" + std::to_string(scene.clusters.size() - 1);
-    cluster.annotations = {label(name), on(place)};
-  }
-  return scene;
-}
-
-std::string line(const std::string& id, double time = 1) {
-  return R"({"id":")" + id + R"(","timestamp":)" + std::to_string(time) + "}\n";
-}
 
 TEST_F(SceneStoreFile, AHundredScenesComeOutAsTheyWentIn) {
   SceneStore store = open();
@@ -114,69 +38,6 @@ TEST_F(SceneStoreFile, AHundredScenesComeOutAsTheyWentIn) {
   EXPECT_THAT(reader.check(), IsEmpty());
 }
 
-TEST_F(SceneStoreFile, ExportAndImportAreTheIdentity) {
-  SceneStore store = open();
-  ASSERT_EQ(store.add(small_scene("s1", 1, {{"Milk", "table"}})), SceneStore::Added::kNew);
-  Scene odd;
-  odd.id = "s 2";
-  odd.timestamp = 0.1;
-  odd.calls_them_clusters = true;
-  odd.other = {{"battery", Value(0.5)}};
-  ASSERT_EQ(store.add(odd), SceneStore::Added::kNew);
-  ASSERT_TRUE(store.add(StoredEvidence{"s1", "fusion", "shape(c0,Box)\n"}));
-  ASSERT_TRUE(store.add(StoredBelief{"s1", "fusion", Value(Value::List{Value(0.25)})}));
-  Identity milk;
-  milk.id = "milk-1";
-  milk.last_seen = 1;
-  milk.in_view = true;
-  milk.other = {{"colour", Value("white")}};
-  milk.sightings = {{"s1", "c0", 1, 0.75, "appear"}};
-  ASSERT_TRUE(store.add(milk));
-
-  const std::string text = exported(store);
-  path_ += ".copy";
-  SceneStore copy = open();
-  const ImportResult result = import(copy, text);
-  EXPECT_EQ(result.termination, Termination::kCompleted);
-  EXPECT_EQ(result.added, 2u);
-  EXPECT_EQ(result.records, 3u);
-  EXPECT_EQ(exported(copy), text);
-  const auto again = copy.identity("milk-1");
-  ASSERT_TRUE(again);
-  EXPECT_EQ(again->sightings.front().probability, 0.75);
-  EXPECT_TRUE(again->in_view);
-  EXPECT_FALSE(again->disappeared);
-}
-
-TEST_F(SceneStoreFile, ABadLineRollsTheWholeImportBack) {
-  SceneStore store = open();
-  ASSERT_EQ(import(store, line("before")).added, 1u);
-  const ImportResult result = import(store, line("a") + "\n{\"id\": 5}\n" + line("b"));
-  EXPECT_EQ(result.termination, Termination::kRefused);
-  EXPECT_EQ(result.added, 0u);
-  ASSERT_FALSE(result.problems.empty());
-  EXPECT_EQ(result.problems.front().line, 3u);
-  EXPECT_EQ(store.scene_count(), 1u);
-  // The store is as good as before.
-  EXPECT_EQ(import(store, line("a") + line("b")).added, 2u);
-}
-
-TEST_F(SceneStoreFile, SeveralImportsCanBeOneTransaction) {
-  SceneStore store = open();
-  const ImportOptions options{.limits = {}, .in_transaction = true};
-  ASSERT_TRUE(store.begin());
-  EXPECT_EQ(import(store, line("a"), options).added, 1u);
-  EXPECT_EQ(import(store, "broken\n", options).termination, Termination::kRefused);
-  EXPECT_EQ(import(store, line("b"), options).added, 1u) << "the caller says when it ends";
-  store.roll_back();
-  EXPECT_EQ(store.scene_count(), 0u);
-  ASSERT_TRUE(store.begin());
-  import(store, line("a"), options);
-  import(store, line("b"), options);
-  ASSERT_TRUE(store.commit());
-  EXPECT_EQ(store.scene_count(), 2u);
-}
-
 TEST_F(SceneStoreFile, TheNewestBeliefOfAKindIsFoundAndAKindIsRemoved) {
   SceneStore store = open();
   for (const auto& [id, time] : {std::pair{"late", 3.0}, std::pair{"early", 1.0}, std::pair{"other", 5.0}})
@@ -193,22 +54,6 @@ TEST_F(SceneStoreFile, TheNewestBeliefOfAKindIsFoundAndAKindIsRemoved) {
   EXPECT_TRUE(store.belief("other", "identity"));
 }
 
-TEST_F(SceneStoreFile, SkippingKeepsTheGoodLinesAndNamesTheBadOnes) {
-  SceneStore store = open();
-  const ImportOptions options{.on_error = OnError::kSkip, .limits = {}, .batch = 2};
-  const ImportResult result =
-      import(store, line("a") + "{broken\n" + line("b") + line("a") + line("c") + "[]\n", options);
-  EXPECT_EQ(result.termination, Termination::kCompleted);
-  EXPECT_EQ(result.added, 3u);
-  EXPECT_EQ(result.skipped, 3u);
-  ASSERT_THAT(result.problems, SizeIs(3));
-  EXPECT_EQ(result.problems[0].line, 2u);
-  EXPECT_EQ(result.problems[1].line, 4u);
-  EXPECT_THAT(result.problems[1].text, HasSubstr("has a scene 'a' already"));
-  EXPECT_EQ(result.problems[2].line, 6u);
-  EXPECT_EQ(store.scene_count(), 3u);
-}
-
 TEST_F(SceneStoreFile, ReplacingASceneTakesItsOldPartsAway) {
   SceneStore store = open();
   ASSERT_EQ(store.add(small_scene("s", 1, {{"Milk", "table"}, {"Cup", "table"}})), SceneStore::Added::kNew);
@@ -221,18 +66,6 @@ TEST_F(SceneStoreFile, ReplacingASceneTakesItsOldPartsAway) {
   EXPECT_THAT(store.find("Milk", {}), IsEmpty());
   EXPECT_EQ(store.evidence("s", "fusion"), std::nullopt);
   EXPECT_THAT(store.check(), IsEmpty());
-}
-
-TEST_F(SceneStoreFile, RecordsOfScenesThatAreNotThereAreErrors) {
-  SceneStore store = open();
-  const std::string evidence = R"({"sherlog.record":"evidence","scene":"s1","mapping":"m","text":""})"
-                               "\n";
-  EXPECT_THAT(import(store, evidence).problems.at(0).text, HasSubstr("no scene 's1'"));
-  const std::string identity = R"({"sherlog.record":"identity","id":"i","sightings":[{"scene":"s1","cluster":"c0"}]})"
-                               "\n";
-  EXPECT_THAT(import(store, identity).problems.at(0).text, HasSubstr("a cluster that the store has not"));
-  EXPECT_THAT(store.identities(), IsEmpty());
-  EXPECT_THAT(import(store, R"({"sherlog.record":"dream"})").problems.at(0).text, HasSubstr("none of"));
 }
 
 TEST_F(SceneStoreFile, WhereAThingIsAndWas) {
@@ -251,7 +84,7 @@ TEST_F(SceneStoreFile, WhereAThingIsAndWas) {
   EXPECT_EQ(store.last_look("moon"), std::nullopt);
   EXPECT_EQ(store.scene_before("s3"), "s2");
   EXPECT_EQ(store.scene_before("s1"), std::nullopt);
-  EXPECT_THAT(store.scenes({.place = "table", .newest_first = true}), SizeIs(2));
+  EXPECT_THAT(store.scenes({.places = {"table"}, .newest_first = true}), SizeIs(2));
   EXPECT_THAT(store.scenes({.limit = 1}), SizeIs(1));
 }
 
@@ -424,6 +257,86 @@ TEST_F(SceneStoreFile, AFileThatWasCutIsFoundOut) {
   auto store = SceneStore::open(path_, {.read_only = true}, problem);
   EXPECT_TRUE(!store || !store->check().empty());
   EXPECT_TRUE(store || !problem.empty());
+}
+
+// --- places ---
+
+TEST_F(SceneStoreFile, AThingIsWhereItsSceneIsUnlessItSaysMore) {
+  SceneStore store = open();
+  Scene scene = small_scene("s", 5, {{"Milk", "fridge"}});
+  scene.annotations = {on("t1")};
+  scene.clusters.emplace_back();
+  scene.clusters.back().id = "c1";
+  scene.clusters.back().annotations = {label("Cup")};
+  ASSERT_EQ(store.add(scene), SceneStore::Added::kNew);
+  const auto found = store.at_place("t1", {});
+  ASSERT_THAT(found, SizeIs(1));
+  EXPECT_EQ(found[0].label, "Cup");
+  EXPECT_EQ(found[0].place, "t1");
+  EXPECT_EQ(store.find("Cup", {}).at(0).place, "t1");
+  EXPECT_EQ(store.find("Milk", {}).at(0).place, "fridge");
+  EXPECT_THAT(store.at_place("fridge", {}), SizeIs(1));
+}
+
+TEST_F(SceneStoreFile, NoPlaceIsNoPlace) {
+  SceneStore store = open();
+  ASSERT_EQ(store.add(small_scene("s", 5, {{"Milk", ""}})), SceneStore::Added::kNew);
+  EXPECT_EQ(store.last_look(""), std::nullopt);
+  EXPECT_THAT(store.at_place("", {}), IsEmpty());
+}
+
+TEST_F(SceneStoreFile, ScenesOfSeveralPlacesComeOnceAndInOrder) {
+  SceneStore store = open();
+  store.add(small_scene("both", 2, {{"Milk", "t1"}, {"Cup", "t2"}}));
+  store.add(small_scene("first", 1, {{"Milk", "t2"}}));
+  store.add(small_scene("last", 3, {{"Milk", "t1"}}));
+  store.add(small_scene("elsewhere", 2, {{"Milk", "t3"}}));
+  const auto ids = [&](const SceneFilter& filter) {
+    std::vector<std::string> result;
+    for (const SceneSummary& scene : store.scenes(filter)) result.push_back(scene.id);
+    return result;
+  };
+  EXPECT_THAT(ids({.places = {"t1", "t2"}}), ElementsAre("first", "both", "last"));
+  EXPECT_THAT(ids({.places = {"t1", "t2"}, .limit = 2}), ElementsAre("first", "both"));
+  EXPECT_THAT(ids({.places = {"t1", "t2"}, .limit = 2, .newest_first = true}), ElementsAre("last", "both"));
+}
+
+TEST_F(SceneStoreFile, AThingHasTheNamesOfItsLabelsAndItsIdentities) {
+  SceneStore store = open();
+  store.add(small_scene("s", 1, {{"Milk", "t1"}}));
+  ASSERT_TRUE(store.add(Identity{.id = "milk-1", .sightings = {{"s", "c0"}}}));
+  EXPECT_THAT(store.names_of("s", "c0"), ElementsAre("Milk", "milk-1"));
+}
+
+// --- types under other names ---
+
+TEST_F(SceneStoreFile, AliasesAreCountedAndTimedWithTheirType) {
+  SceneStore store = open();
+  ASSERT_EQ(import(store, R"({"id":"s","timestamp":1,)"
+                          R"("rs.annotation.LoggingInformation":[{"annotator":"A","milliseconds":10}],)"
+                          R"("Logging":[{"annotator":"A","milliseconds":20}],"LoggingInformation":[)"
+                          R"({"annotator":"A","milliseconds":30}],"identifiables":[{"id":"c",)"
+                          R"("rs.annotation.Goggles":[{"category":"Logo","title":"x"}],)"
+                          R"("GogglesAnnotation":[{"category":"Logo","title":"y"}]}]})")
+                .added,
+            1u);
+  const TimeReport times = store.times();
+  ASSERT_THAT(times.annotators, SizeIs(1));
+  EXPECT_EQ(times.annotators[0].runs, 3u);
+  EXPECT_EQ(times.annotators[0].mean, 20);
+  const auto counts = store.type_counts();
+  ASSERT_THAT(counts, SizeIs(2));
+  EXPECT_EQ(counts[0].type, "rs.annotation.Goggles");
+  EXPECT_EQ(counts[0].of_clusters, 2u);
+  EXPECT_EQ(counts[1].of_scenes, 3u);
+  EXPECT_THAT(store.field_counts("rs.annotation.Goggles", "category"), ElementsAre(testing::Pair("Logo", 2)));
+}
+
+TEST_F(SceneStoreFile, ASchemaBelowZeroIsDamage) {
+  { SceneStore store = open(); }
+  run_sql("PRAGMA user_version = -1");
+  EXPECT_THAT(problem_of({}), HasSubstr("damaged"));
+  EXPECT_THAT(problem_of({.read_only = true}), HasSubstr("damaged"));
 }
 
 }  // namespace

@@ -274,6 +274,40 @@ TEST(Scene, PositionAndPlaceAreFoundWhereAnnotatorsPutThem) {
   EXPECT_EQ(place_of({}), "");
 }
 
+TEST(Scene, AClusterIsInTheFrameOfItsScene) {
+  const Value document = json(R"({"id":"s","timestamp":1,"frame":"map","identifiables":[
+      {"id":"a","rs.annotation.LocationAnnotation":[{"position":[1,2]}]},
+      {"id":"b","frame":"map","rs.annotation.LocationAnnotation":[{"position":[1,2]}]},
+      {"id":"c","rs.annotation.LocationAnnotation":[{"position":[1,2],"frame":"camera"}]}]})");
+  SceneMessages messages;
+  const auto scene = scene_from_json(document, messages);
+  ASSERT_TRUE(scene);
+  EXPECT_EQ(position_of(scene->clusters[0])->frame, "map");
+  EXPECT_EQ(position_of(scene->clusters[1])->frame, "map");
+  EXPECT_EQ(position_of(scene->clusters[2])->frame, "camera");
+  EXPECT_EQ(scene_to_json(*scene), document) << "what was not said is not said";
+  // A cluster without its scene says it.
+  const auto alone = designator_from_json(designator_to_json(scene->clusters[0]), messages);
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(position_of(*alone)->frame, "map");
+}
+
+TEST(Scene, ADesignatorIsToldFromAScene) {
+  for (const char* designator :
+       {R"({"id":"o","timestamp":1,"rs.annotation.Shape":[{"shape":"box"}]})",
+        R"({"id":"o","timestamp":1,"Detection":[{"name":"Milk"}],"rs.annotation.TFLocation":[{}]})",
+        R"({"id":"o","timestamp":1,"rs.scene.ClusterPoints":[{"indices":[1]}]})"}) {
+    EXPECT_TRUE(is_designator(json(designator))) << designator;
+  }
+  for (const char* scene : {R"({"id":"s","timestamp":1})", R"([1])",
+                            R"({"id":"s","timestamp":1,"rs.annotation.TFLocation":[{"frame_id":"t"}]})",
+                            R"({"id":"s","timestamp":1,"sherlog.annotation.Context":[{"name":"breakfast"}]})",
+                            R"({"id":"s","timestamp":1,"rs.annotation.Shape":[]})",
+                            R"({"id":"s","timestamp":1,"rs.annotation.Shape":[{"shape":"box"}],"clusters":[]})"}) {
+    EXPECT_FALSE(is_designator(json(scene))) << scene;
+  }
+}
+
 // --- the schema: a validator for the few words that it uses ---
 
 class SchemaChecker {
