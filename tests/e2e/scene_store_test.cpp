@@ -85,6 +85,73 @@ TEST_F(SceneStoreProgram, AnswersWhatWasOnTheTable) {
   EXPECT_THAT(scratch_.sherlog("scenes on robot.db moon").out, HasSubstr("nothing was ever seen at 'moon'"));
 }
 
+TEST_F(SceneStoreProgram, EachPlaceOfAConceptHasItsOwnLastLook) {
+  const auto scene = [](const char* id, int time, const char* thing, const char* place) {
+    return std::string(R"({"id":")") + id + R"(","timestamp":)" + std::to_string(time) +
+           R"(,"identifiables":[{"id":"c","Detection":[{"name":")" + thing + R"("}],"TFLocation":[{"frame_id":")" +
+           place + "\"}]}]}\n";
+  };
+  scratch_.write("two.jsonl", scene("a", 1500, "Milk", "t1") + scene("b", 2000, "Cup", "t2"));
+  scratch_.write("who.jsonl",
+                 R"({"sherlog.record":"identity","id":"object-7","sightings":[{"scene":"a","cluster":"c"}]})");
+  scratch_.write("tables.json", R"({"concepts":{"table":["t1","t2"]}})");
+  ASSERT_EQ(scratch_.sherlog("scenes import two.db two.jsonl who.jsonl").code, 0);
+  const std::string tables = " --concepts tables.json";
+  EXPECT_EQ(json("on two.db table --what Milk" + tables)["answer"], true);
+  EXPECT_EQ(json("on two.db table --what Cup" + tables)["answer"], true);
+  EXPECT_EQ(json("on two.db table" + tables)["last_look"], 2000);
+  EXPECT_EQ(json("on two.db table --what object-7" + tables)["answer"], true) << "an identity";
+  EXPECT_EQ(json("on two.db t2 --what object-7")["answer"], false);
+  const Json scenes = json("list two.db --place table --limit 1" + tables)["scenes"];
+  ASSERT_EQ(scenes.size(), 1u);
+  EXPECT_EQ(scenes[0]["id"], "a");
+}
+
+TEST_F(SceneStoreProgram, TimesWithoutAZoneAreLocal) {
+  // The shipped scenes were seen at 8:00, 12:00 and later, UTC.
+  EXPECT_EQ(json("list robot.db --to 2012-11-22T08:30")["scenes"].size(), 1u);
+  EXPECT_EQ(json("list robot.db --to 2012-11-22T08:30 --utc-offset 9")["scenes"].size(), 0u);
+  EXPECT_EQ(json("list robot.db --to 2012-11-22T08:30Z --utc-offset 9")["scenes"].size(), 1u);
+  EXPECT_EQ(json("list robot.db --to 2012-11-22T17:30 --utc-offset 9")["scenes"].size(), 1u);
+}
+
+TEST_F(SceneStoreProgram, DesignatorsBecomeScenesAndEvidence) {
+  scratch_.write("designators.jsonl",
+                 R"({"id":"17","timestamp":5,"rs.annotation.Shape":[{"shape":"box","confidence":0.9,"source":"x"}]})"
+                 "\n"
+                 R"({"id":"18","timestamp":5,"rs.annotation.Detection":[{"name":"Milk","confidence":0.8}]})"
+                 "\n");
+  const Json imported = json("import rs.db designators.jsonl");
+  EXPECT_EQ(imported["added"], 1);
+  EXPECT_EQ(imported["designators"], 2);
+  const std::string evidence = scratch_.sherlog("scenes evidence rs.db --mapping robosherlock --fuzzy").out;
+  EXPECT_THAT(evidence, HasSubstr("0.9 shape(c0,box)"));
+  EXPECT_THAT(evidence, HasSubstr("0.8 detection(c1,Milk)"));
+}
+
+TEST_F(SceneStoreProgram, IdentitiesOfAnotherStoreDoNotTakeTheirPlace) {
+  const std::string mine = R"({"sherlog.record":"identity","id":"object-1","sightings":[{"scene":")";
+  scratch_.write("mine.jsonl", mine + R"(breakfast-1","cluster":"c0"}]})");
+  scratch_.write("other.jsonl", mine + R"(breakfast-1","cluster":"c1"}]})");
+  ASSERT_EQ(scratch_.sherlog("scenes import robot.db mine.jsonl").code, 0);
+  refused("import robot.db other.jsonl", "identity 'object-1' already");
+  const Json replaced = json("import robot.db other.jsonl --replace");
+  EXPECT_EQ(replaced["dropped"]["sightings"], 1);
+  // Scenes that are the same keep what was concluded from them.
+  const Json same = json("import robot.db '" + kKitchen + "' --replace");
+  EXPECT_EQ(same["unchanged"], 3);
+  EXPECT_EQ(same["replaced"], 0);
+  EXPECT_EQ(json("where robot.db object-1")["found"].size(), 1u);
+}
+
+TEST_F(SceneStoreProgram, ReprocessingNamesAContradiction) {
+  scratch_.write("hard.mln", "#include \"" + kModels + "information_fusion/predicates.mln\"\n!shape(c, Box).\n");
+  const Outcome outcome = scratch_.sherlog("scenes reprocess robot.db -m hard.mln -q object --json -");
+  EXPECT_EQ(outcome.code, 3) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("hard formula"));
+  EXPECT_EQ(Json::parse(outcome.out)["termination"], "no_possible_world");
+}
+
 TEST_F(SceneStoreProgram, ListsShowsAndCounts) {
   EXPECT_EQ(json("list robot.db")["scenes"].size(), 3u);
   EXPECT_EQ(json("list robot.db --place stove" + kConcepts)["scenes"].size(), 1u);
@@ -179,8 +246,11 @@ TEST_F(SceneStoreProgram, ABadLineIsNamedAndStopsOrIsSkipped) {
   EXPECT_THAT(skipped.err, HasSubstr("bad.jsonl:2:"));
   EXPECT_EQ(scene_count(), 5u);
   refused("import robot.db bad.jsonl", "has a scene 'a' already");
+  scratch_.write("bad.jsonl",
+                 "{\"id\":\"a\",\"timestamp\":2}\n{\"id\":\"b\",\"timestamp\":\n{\"id\":\"c\",\"timestamp\":3}\n");
   const Json replaced = json("import robot.db bad.jsonl --replace --on-error skip");
-  EXPECT_EQ(replaced["replaced"], 2);
+  EXPECT_EQ(replaced["replaced"], 1);
+  EXPECT_EQ(replaced["unchanged"], 1);
   EXPECT_EQ(replaced["skipped"], 1);
   EXPECT_EQ(replaced["problems"][0]["line"], 2);
 }
