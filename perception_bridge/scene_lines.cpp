@@ -383,6 +383,8 @@ ImportResult import_lines(SceneStore& store, std::istream& in, const ImportOptio
       committed = result;
     }
   }
+  // Reading from a pipe ends like a file where it was interrupted.
+  if (stopped == Termination::kCompleted && stop.interrupted()) stopped = Termination::kInterrupted;
   if (in.bad()) return end_with(Termination::kRefused, "the file cannot be read to its end");
   if (stopped != Termination::kCompleted && options.on_error == OnError::kStop) return end_with(stopped, "");
   // Half a scene of designators is none.

@@ -279,6 +279,14 @@ TEST_F(SceneStoreBadInput, AnInterruptedImportEndsWith130) {
   EXPECT_EQ(scene_count(), 1 + Json::parse(skipping.out)["added"].get<std::size_t>());
 }
 
+TEST_F(SceneStoreBadInput, AnImportThatIsInterruptedWhileItWaitsEndsWith130) {
+  const Outcome stopped = scratch_.shell(
+      R"((cat good.jsonl; sleep 2) | timeout --preserve-status -s INT 0.5 "$S" scenes import robot.db - --json -)");
+  EXPECT_EQ(stopped.code, 130) << stopped.err;
+  EXPECT_EQ(Json::parse(stopped.out, nullptr, false)["termination"], "interrupted") << stopped.out;
+  EXPECT_EQ(scene_count(), 1u);
+}
+
 TEST_F(SceneStoreBadInput, EveryBadLineHasItsNumber) {
   std::string text;
   for (int i = 0; i < 30; ++i) text += "broken\n";
