@@ -139,7 +139,16 @@ AtomRule read_rule(const Value& document, std::size_t index, std::string& proble
   reader.flag("of_scene", rule.of_scene);
   reader.flag("training", rule.training);
   reader.text_map("where", rule.where);
-  reader.text_map("values", rule.values);
+  std::map<std::string, std::string> values;
+  reader.text_map("values", values);
+  for (auto& [from, to] : values) {
+    std::string lower = from;
+    std::transform(lower.begin(), lower.end(), lower.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (!rule.values.emplace(lower, to).second) {
+      reader.fail(fmt::format("'values' has '{}' twice: upper and lower case are one", lower));
+    }
+  }
   reader.flag("only_listed", rule.only_listed);
   std::string spelling = "as_is";
   reader.text("spelling", spelling);

@@ -9,7 +9,6 @@
 #include <random>
 
 #include "mln/parser.h"
-#include "perception_bridge/concepts.h"
 #include "perception_bridge/kitchen_scenes.h"
 #include "perception_bridge/view.h"
 
@@ -459,6 +458,17 @@ TEST(EvidenceMapping, MistypedNamesAreFound) {
   }
 }
 
+TEST(EvidenceMapping, ValuesAreMappedWhateverTheirCase) {
+  const std::string rule =
+      R"({"name":"m","rules":[{"annotation":"Shape","predicate":"shape","value":"/shape","values":)";
+  std::string problem;
+  const auto mapping = mapping_from_json(json(rule + R"({"Box":"BOX"}}]})"), problem);
+  ASSERT_TRUE(mapping) << problem;
+  EXPECT_THAT(evidence_text(observe(*mapping, fusion_scene())), HasSubstr("BOX)"));
+  EXPECT_FALSE(mapping_from_json(json(rule + R"({"Box":"BOX","box":"b"}}]})"), problem));
+  EXPECT_THAT(problem, HasSubstr("'box' twice"));
+}
+
 TEST(EvidenceMapping, AProductOfTheImageSearchIsOneForFusion) {
   SceneMessages messages;
   const auto scene = scene_from_json(json(R"({"id":"s","timestamp":1,"identifiables":[{"id":"c","rs.annotation.Goggles":
@@ -467,25 +477,6 @@ TEST(EvidenceMapping, AProductOfTheImageSearchIsOneForFusion) {
   ASSERT_TRUE(scene);
   EXPECT_THAT(evidence_text(observe(*shipped_mapping("fusion"), *scene)),
               HasSubstr("goggles(c0,\"Heinz Tomato Ketchup\")"));
-}
-
-// --- concepts ---
-
-TEST(Concepts, NamesStandBelowOthersAndCirclesAreHarmless) {
-  std::string problem;
-  const auto concepts = parse_concepts(
-      R"({"concepts":{"Milk":["Weihenstephan"],"drink":["milk","Tea"],"tea":["drink"]},"belongs":{"milk":"fridge"}})",
-      problem);
-  ASSERT_TRUE(concepts) << problem;
-  EXPECT_THAT(names_of(*concepts, "drink"), ElementsAre("drink", "milk", "Tea", "Weihenstephan"));
-  EXPECT_THAT(names_of(*concepts, "cup"), ElementsAre("cup"));
-  EXPECT_EQ(place_for(*concepts, "weihenstephan"), "fridge");
-  EXPECT_EQ(place_for(*concepts, "Tea"), std::nullopt);
-  for (const char* bad :
-       {"[]", R"({"concepts":[]})", R"({"concepts":{"a":[1]}})", R"({"belongs":{"a":1}})", R"({"x":1})", "{"}) {
-    EXPECT_FALSE(parse_concepts(bad, problem)) << bad;
-    EXPECT_NE(problem, "");
-  }
 }
 
 }  // namespace
