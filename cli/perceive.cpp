@@ -10,8 +10,11 @@
 #include "cli/output.h"
 #include "cli/scenes.h"
 #include "cli/table.h"
+#include "mln/parser.h"
 #include "mln/text_file.h"
 #include "perception_bridge/observe.h"
+#include "perception_bridge/scene_tracker.h"
+#include "perception_bridge/shipped_models.h"
 #include "rgbd/frames/sequence.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
@@ -23,6 +26,7 @@ namespace {
 struct PerceiveArguments {
   std::string frames, query, store, prefix, map, known, evidence, record;
   std::string mapping = "robosherlock";
+  std::vector<std::string> flow;
   std::optional<std::uint64_t> every;
   std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
   bool times = false, replace = false, moving = false, labels = false, people = false;
@@ -99,6 +103,7 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   }
   // A store and evidence take all that can be found.
   if (!arguments.store.empty() || !arguments.evidence.empty()) options.request = rgbd::Request{};
+  options.flow = arguments.flow;
   rgbd::Annotators annotators = rgbd::object_annotators(knowledge);
   if (arguments.people) {
     options.also.emplace_back("sherlog.annotation.Person");
@@ -114,6 +119,32 @@ void count_failures(Session& session, const rgbd::Perceived& perceived, std::uin
     if (run.problem.empty()) continue;
     std::uint64_t& count = tally.failures[fmt::format("{}: {}", run.annotator, run.problem)];
     if (++count == 1) session.warning(fmt::format("frame {}: {}: {}", frame, run.annotator, run.problem));
+  }
+}
+
+// For requests that follow things: who is who from scene to scene, by the shipped model.
+std::optional<SceneTracker> thing_tracker(Session& session) {
+  Diagnostics diagnostics;
+  std::string problem;
+  auto model = parse_model(scenes_identity_model(), "scenes.mln", diagnostics);
+  auto tracker =
+      SceneTracker::make(std::move(*model), *shipped_mapping("perception"), session.inference_options(), {}, problem);
+  if (!tracker) session.error(problem);
+  return tracker;
+}
+
+// The id that each thing keeps, as an annotation of its cluster.
+void add_tracks(Session& session, SceneTracker& tracker, Scene& scene) {
+  const TrackingStep step = tracker.feed(scene, session.monitor());
+  if (step.termination != Termination::kCompleted) {
+    session.warning(fmt::format("{}: {}", scene.id, step.message));
+    return;
+  }
+  for (std::size_t i = 0; i < step.clusters.size(); ++i) {
+    const TrackingStep::ClusterBelief& belief = step.clusters[i];
+    scene.clusters[i].annotations.push_back(rgbd::make_annotation(
+        "rs.annotation.Tracking", "ObjectIdentityResolution",
+        {{"trackingID", Value(belief.object)}, {"tracker", Value(belief.explanation)}}, belief.probability));
   }
 }
 
@@ -218,12 +249,16 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
   std::optional<rgbd::Request> request;
   std::string problem;
   if (!arguments.query.empty()) request = rgbd::parse_request(arguments.query, problem);
+  std::optional<SceneTracker> tracker;
+  if (request && request->verb == rgbd::Request::Verb::kTrack && !(tracker = thing_tracker(session)))
+    return Termination::kRefused;
   return for_each_frame(
       session, arguments, source, tally.unreadable, [&](const rgbd::Frame& frame, std::uint64_t index) {
         rgbd::Perceived perceived = perception.perceive(frame, source.calibration, index, source.bodies_at(index));
         ++tally.frames;
         if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
         count_failures(session, perceived, index, tally);
+        if (tracker && perceived.reaching == 0) add_tracks(session, *tracker, perceived.scene);
         tell(perceived, request, arguments.people, index, tally);
         if (mapping) {
           tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
@@ -410,6 +445,11 @@ void add_perceive(CLI::App& app, Action& action) {
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}).description(""));
   command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
   command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
+  command
+      ->add_option("--flow", arguments->flow,
+                   "These annotators in this order, whatever is asked for (--times names those that are planned)")
+      ->type_name("NAME,..")
+      ->delimiter(',');
   command->add_flag("--times", arguments->times, "How long each annotator took: mean and standard deviation");
   CLI::Option* record =
       command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")

@@ -61,7 +61,8 @@ std::optional<Perception> Perception::make(Annotators annotators, PerceptionOpti
       }
     }
   }
-  auto flow = plan_flow(annotators, frame_views(), wanted, problem);
+  auto flow = options.flow.empty() ? plan_flow(annotators, frame_views(), wanted, problem)
+                                   : fixed_flow(annotators, frame_views(), options.flow, problem);
   if (!flow) return std::nullopt;
   return Perception(std::move(annotators), std::move(*flow), std::move(options));
 }

@@ -24,6 +24,7 @@ struct PerceptionOptions {
   // What is asked for; nothing: only the depth images are preprocessed, and no object is looked for.
   std::optional<Request> request = {};
   std::vector<std::string> also = {};  // further views and types
+  std::vector<std::string> flow = {};  // these annotators in this order; empty: planned from what is wanted
   std::uint32_t threads = 0;           // 0: as many as the machine has
   bool log_times = false;              // rs.annotation.LoggingInformation in the scenes
   std::string prefix = "scene-";       // of the scenes' names: and the frame's number

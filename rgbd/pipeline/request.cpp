@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cctype>
+#include <iterator>
 
 namespace sherlog::rgbd {
 namespace {
+
+constexpr std::string_view kVerbs[] = {"detect", "inspect", "scan", "track"};  // in the order of Request::Verb
 
 std::string lower(std::string_view text) {
   std::string result(text);
@@ -66,6 +69,7 @@ const std::vector<RequestKey>& request_keys() {
       {"class", "rs.annotation.Classification", "/classname"},
       {"type", "rs.annotation.Classification", "/classname"},
       {"detection", "rs.annotation.Detection", "/name"},
+      {"cad-model", "rs.annotation.Detection", "/name"},
   };
   return kKeys;
 }
@@ -92,12 +96,19 @@ std::optional<Request> parse_request(std::string_view text, std::string& problem
     return problem = R"(a request is an object with one verb, such as {"detect": {"shape": "box"}})", std::nullopt;
   }
   const auto& [verb, conditions] = verbs->front();
-  if (verb != "detect") return problem = fmt::format("there is no verb '{}'; there is detect", verb), std::nullopt;
+  const auto known = std::ranges::find(kVerbs, verb);
+  if (known == std::end(kVerbs)) {
+    return problem = fmt::format("there is no verb '{}'; there are {}", verb, fmt::join(kVerbs, ", ")), std::nullopt;
+  }
   if (conditions.object() == nullptr) {
-    return problem = fmt::format("'detect' takes an object, not {}", conditions.kind()), std::nullopt;
+    return problem = fmt::format("'{}' takes an object, not {}", verb, conditions.kind()), std::nullopt;
   }
   Request request;
+  request.verb = static_cast<Request::Verb>(known - std::begin(kVerbs));
   for (const auto& [key, value] : *conditions.object()) {
+    if (request.verb == Request::Verb::kScan && key != "location") {
+      return problem = fmt::format("'scan' takes a 'location' and no '{}'; 'inspect' takes it", key), std::nullopt;
+    }
     auto condition = parse_condition(key, value, problem);
     if (!condition) return std::nullopt;
     request.conditions.push_back(std::move(*condition));

@@ -3,9 +3,14 @@
 // Idea      A verb with an object of conditions, as RoboSherlock has it. A condition needs annotations of a type,
 //           which the flow is planned from, and holds for a thing where one of the texts at a pointer is the asked one
 //           (or one of those), upper and lower case alike. {"detect": {}} asks for everything about everything.
+//             detect   the things that meet the conditions, with what the conditions are about
+//             inspect  the same things with all that can be found out about them
+//             scan     all that there is, with all that can be found out; it takes no conditions but the location
+//             track    detect over time: a thing keeps its rs.annotation.Tracking id, which the caller gives
 // Errors    a sentence that names the key and what there is
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -27,9 +32,12 @@ struct Request {
     std::string key;
     std::vector<std::string> values;  // one of them, in lower case
   };
+  enum class Verb : std::uint8_t { kDetect, kInspect, kScan, kTrack };
+  Verb verb = Verb::kDetect;
   std::vector<Condition> conditions;
 
-  bool wants_everything() const { return conditions.empty(); }
+  // Following a thing takes all of its looks.
+  bool wants_everything() const { return conditions.empty() || verb != Verb::kDetect; }
   // Types of annotations that are needed for an answer.
   std::vector<std::string> types() const;
   bool accepts(const Cluster& cluster) const;

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 
 #include "tests/e2e/program.h"
@@ -45,6 +46,44 @@ TEST_F(Perceive, AnswersARequestWithDesignators) {
     EXPECT_TRUE(designator.contains("rs.annotation.PoseAnnotation"));
     EXPECT_FALSE(designator.contains("rs.annotation.SemanticColor"));  // nobody asked
   }
+}
+
+TEST_F(Perceive, TracksThingsOverTime) {
+  const Outcome outcome =
+      scratch.sherlog("perceive synthetic:table_moves --every 60 --query '{\"track\": {\"color\": \"red\"}}' --json -");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  std::set<std::string> ids;
+  std::size_t sightings = 0;
+  const Json json = Json::parse(outcome.out);
+  for (const Json& scene : json["scenes"]) {
+    for (const Json& designator : scene["answers"]) {
+      if (!designator.contains("rs.annotation.Tracking")) continue;
+      ids.insert(designator["rs.annotation.Tracking"][0]["trackingID"].get<std::string>());
+      ++sightings;
+    }
+  }
+  EXPECT_GE(sightings, 2u);
+  EXPECT_LT(ids.size(), sightings);
+}
+
+TEST_F(Perceive, InspectsWithAllThatThereIsAndTakesAFlow) {
+  const Outcome outcome =
+      scratch.sherlog("perceive synthetic:table_moves --last 0 --query '{\"inspect\": {\"shape\": \"box\"}}' --json -");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json answers = Json::parse(outcome.out)["scenes"][0]["answers"];
+  EXPECT_EQ(answers.size(), 3u);
+  EXPECT_TRUE(answers[0].contains("rs.annotation.SemanticColor"));
+  EXPECT_EQ(scratch.sherlog("perceive synthetic:table_moves --last 0 --query '{\"scan\": {\"shape\": \"box\"}}'").code,
+            2);
+  const Outcome fixed = scratch.sherlog(
+      "perceive synthetic:table_moves --last 0 --query '{\"detect\": {}}' --json - --flow "
+      "RegionFilter,CloudAnnotator,TableTopAnnotator,PointCloudClusterExtractor");
+  ASSERT_EQ(fixed.code, 0) << fixed.err;
+  EXPECT_EQ(Json::parse(fixed.out)["annotators"].size(), 4u);
+  const Outcome wrong = scratch.sherlog(
+      "perceive synthetic:table_moves --last 0 --query '{\"detect\": {}}' --flow TableTopAnnotator,CloudAnnotator");
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_NE(wrong.err, "");
 }
 
 TEST_F(Perceive, LooksForNoObjectUnlessAsked) {
