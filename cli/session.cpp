@@ -174,10 +174,19 @@ bool same_file(const std::string& a, const std::string& b) {
          std::filesystem::absolute(second, error).lexically_normal();
 }
 
+std::size_t most_of_the_memory() {
+  const long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGESIZE);
+  if (pages <= 0 || size <= 0) return std::numeric_limits<std::size_t>::max();
+  return static_cast<std::size_t>(pages) / 5 * 4 * static_cast<std::size_t>(size);
+}
+
 }  // namespace
 
 Session::Session(Options options)
-    : options_(std::move(options)), monitor_(!options_.quiet), colour_(colour_on_stderr()) {}
+    : options_(std::move(options)),
+      monitor_(!options_.quiet),
+      colour_(colour_on_stderr()),
+      max_memory_(most_of_the_memory()) {}
 
 double Session::seconds() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();

@@ -1,5 +1,6 @@
 #include "perception_bridge/identity_learning.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -64,7 +65,15 @@ LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monito
     return failed(Termination::kRefused, "there are no training trials");
   std::vector<FourTablesTrial> trials;
   Differences differences;
+  const auto limit = [&] {
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return monitor.interrupted()                ? Termination::kInterrupted
+           : seconds > training.how.max_seconds ? Termination::kTimeLimit
+                                                : Termination::kCompleted;
+  };
   for (std::uint64_t number = 0; number < training.trials; ++number) {
+    if (const Termination reached = limit(); reached != Termination::kCompleted)
+      return failed(reached, "learning: the training trials were not all made");
     FourTablesConfig config = training.config;
     config.actions = training.actions[number % training.actions.size()];
     trials.push_back(simulate_four_tables(config, training.seed, number));
@@ -79,8 +88,15 @@ LearnedIdentity learn_identity(const IdentityTraining& training, Monitor& monito
   out.grading.sigma_position = std::sqrt(differences.position / static_cast<double>(differences.positions) / 2);
 
   IdentityTrainingData data;
-  for (const FourTablesTrial& trial : trials) data.add(known_step(trial, out.grading));
-  const LearnedWeights learned = learn_identity_weights(data, training.how, monitor);
+  for (const FourTablesTrial& trial : trials) {
+    if (const Termination reached = limit(); reached != Termination::kCompleted)
+      return failed(reached, "learning: the training trials were not all graded");
+    data.add(known_step(trial, out.grading));
+  }
+  WeightLearning how = training.how;
+  how.max_seconds -= std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  how.max_seconds = std::max(how.max_seconds, 0.0);
+  const LearnedWeights learned = learn_identity_weights(data, how, monitor);
   if (learned.termination != Termination::kCompleted) return failed(learned.termination, learned.message);
   out.weights = learned.weights;
   out.objective = learned.objective;
