@@ -27,9 +27,38 @@ void SpatioTemporalSegmentation::increase_k(std::span<const Keypoint> points) {
     if (near != segments_.end()) {
       ++near->count;
     } else if (segments_.size() < options_.most_means) {
-      segments_.push_back({.x = point.x, .depth = point.depth, .age = 0, .label = ++last_label_, .count = 1});
+      segments_.push_back(wake_or_make(point));
     }
   }
+}
+
+Segment SpatioTemporalSegmentation::wake_or_make(const Keypoint& point) {
+  const auto known = std::ranges::max_element(resting_, {}, [&](const Resting& rest) {
+    return squared_distance(point, rest.segment) < options_.radius * options_.radius ? rest.segment.age : -1.0;
+  });
+  Segment segment{.x = point.x, .depth = point.depth, .born = frame_, .count = 1};
+  if (known == resting_.end() || squared_distance(point, known->segment) >= options_.radius * options_.radius) {
+    segment.label = ++last_label_;
+    return segment;
+  }
+  segment.age = known->segment.age;
+  segment.label = known->segment.label;
+  segment.born = known->segment.born;
+  resting_.erase(known);
+  return segment;
+}
+
+void SpatioTemporalSegmentation::rest(const Segment& segment) {
+  const std::uint64_t lived = frame_ - segment.born;
+  if (lived > 0) resting_.push_back({segment, frame_ + std::min<std::uint64_t>(lived, options_.patience)});
+}
+
+double SpatioTemporalSegmentation::least_age(const Keypoint& point) const {
+  double oldest = 0;
+  for (const Segment& segment : segments_) {
+    if (squared_distance(point, segment) < options_.radius * options_.radius) oldest = std::max(oldest, segment.age);
+  }
+  return std::min(options_.tenure * oldest, options_.settled);
 }
 
 std::vector<std::size_t> SpatioTemporalSegmentation::local_neighbourhood(
@@ -37,8 +66,9 @@ std::vector<std::size_t> SpatioTemporalSegmentation::local_neighbourhood(
   std::vector<std::size_t> assigned(points.size(), kNone);
   const float r2 = options_.radius * options_.radius;
   for (std::size_t i = 0; i < points.size(); ++i) {
+    const double least = least_age(points[i]);
     for (const std::size_t j : permutations[i % permutations.size()]) {
-      if (squared_distance(points[i], segments_[j]) >= r2) continue;
+      if (segments_[j].age < least || squared_distance(points[i], segments_[j]) >= r2) continue;
       assigned[i] = j;
       break;
     }
@@ -87,6 +117,7 @@ void SpatioTemporalSegmentation::reduce_k() {
       segments_[j].count = 0;  // deleted when its turn comes
     }
   }
+  for (std::size_t i = k; i < segments_.size(); ++i) rest(segments_[i]);
   segments_.resize(k);
 }
 
@@ -102,6 +133,7 @@ std::vector<std::vector<std::size_t>> SpatioTemporalSegmentation::permutations(s
 
 std::vector<std::int32_t> SpatioTemporalSegmentation::next(std::span<const Keypoint> points) {
   ++frame_;
+  std::erase_if(resting_, [&](const Resting& rest) { return rest.until < frame_; });
   increase_k(points);
   for (std::size_t round = 0; round < options_.rounds; ++round) {
     const auto orders = permutations(round);
@@ -111,10 +143,11 @@ std::vector<std::int32_t> SpatioTemporalSegmentation::next(std::span<const Keypo
   for (Segment& segment : segments_) segment.age += 1 + std::sqrt(static_cast<double>(segment.count));
   std::vector<std::int32_t> labels(points.size(), 0);
   for (std::size_t i = 0; i < points.size(); ++i) {
+    const double least = least_age(points[i]);
     float best = options_.radius * options_.radius;
     for (const Segment& segment : segments_) {
       const float distance = squared_distance(points[i], segment);
-      if (distance >= best) continue;
+      if (distance >= best || segment.age < least) continue;
       best = distance;
       labels[i] = segment.label;
     }
