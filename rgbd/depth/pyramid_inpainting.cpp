@@ -158,7 +158,7 @@ void selective_binomial(const DepthImage& depth, DepthImage& smoothed) {
 void PyramidInpainting::apply(const DepthImage& depth, DepthImage& filled) {
   const bool median = filter_ == InpaintingFilter::kMedian;
   std::size_t count = 1;
-  for (cv::Size size = depth.size(); size.width > 1 && size.height > 1; ++count) {
+  for (cv::Size size = depth.size(); size.width > 1 || size.height > 1; ++count) {
     size = {(size.width + 1) / 2, (size.height + 1) / 2};
   }
   levels_.resize(count);

@@ -9,7 +9,8 @@
 //           does that for eight pixels at a time.
 // Source    inpainting paper, Alg. 1 (with the maximum norm: nine pixels as in its title) and Alg. 2; binomial and
 //           diffusion are the variants of its section IV. The original image is the lowest level; the walk up the
-//           levels for every gap is a walk down over all levels here, which gives the same values in O(pixels).
+//           levels for every gap is a walk down over all levels here, which gives the same values in O(pixels). The paper
+//           ends at a row or column of pixels, over which a gap at its end would find nothing; we go on to a single one.
 // Output    no gap, unless all of the image is one; without such, `depth` where it is valid
 // Cost      O(pixels) time and memory
 #pragma once

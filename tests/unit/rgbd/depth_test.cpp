@@ -183,10 +183,10 @@ TEST(SelectiveMedian, ReadsAPartOfALargerImage) {
 
 // --- E6, E7: inpainting
 
-// Alg. 2 word by word: walk up from every gap.
+// Alg. 2 word by word, on to the last pixel: walk up from every gap.
 DepthImage inpainting_twin(const DepthImage& depth, std::size_t& pixels) {
   std::vector<DepthImage> pyramid = {depth};
-  while (pyramid.back().rows > 1 && pyramid.back().cols > 1)
+  while (pyramid.back().rows > 1 || pyramid.back().cols > 1)
     pyramid.push_back(halving_twin(median_twin(pyramid.back())));
   pixels = 0;
   for (const DepthImage& level : pyramid) pixels += level.total();
@@ -227,14 +227,46 @@ TEST(PyramidInpainting, WalksUpThePyramidFromEveryGap) {
 }
 
 TEST(PyramidInpainting, LeavesNoGapAndMakesNoNewValue) {
-  for (const double gaps : {0.2, 0.9, 0.999}) {
-    // A square: the top is one pixel. Of other images it is a row, where a gap may have nothing above it.
-    const DepthImage depth = random_depth(7, 64, 64, gaps);
-    DepthImage filled;
-    PyramidInpainting().apply(depth, filled);
-    EXPECT_EQ(cv::countNonZero(filled == 0), 0);
-    const std::set<std::uint16_t> measured(depth.begin(), depth.end());
-    for (const std::uint16_t value : filled) EXPECT_TRUE(measured.contains(value));
+  for (const cv::Size size : {cv::Size{64, 64}, {160, 120}, {33, 70}}) {
+    for (const double gaps : {0.2, 0.9, 0.999}) {
+      const DepthImage depth = random_depth(7, size.width, size.height, gaps);
+      ASSERT_GT(cv::countNonZero(depth), 0);
+      DepthImage filled;
+      PyramidInpainting().apply(depth, filled);
+      EXPECT_EQ(cv::countNonZero(filled == 0), 0);
+      const std::set<std::uint16_t> measured(depth.begin(), depth.end());
+      for (const std::uint16_t value : filled) EXPECT_TRUE(measured.contains(value));
+    }
+  }
+}
+
+TEST(PyramidInpainting, LeavesNoGapWhereOnePixelIsValid) {
+  std::mt19937_64 random(8);
+  for (const InpaintingFilter filter : {InpaintingFilter::kMedian, InpaintingFilter::kBinomial}) {
+    PyramidInpainting inpainting(filter);
+    for (const cv::Size size : {cv::Size{640, 480},
+                                {320, 240},
+                                {64, 2},
+                                {2, 65},
+                                {7, 5},
+                                {1, 1},
+                                {1, 2},
+                                {1, 31},
+                                {47, 1},
+                                {100, 3},
+                                {1025, 9}}) {
+      for (int run = 0; run < 4; ++run) {
+        DepthImage depth(size, std::uint16_t{0}), filled;
+        const auto below = [&](int n) { return static_cast<int>(random() % static_cast<std::uint64_t>(n)); };
+        // Corners and random places.
+        const cv::Point valid = run == 0   ? cv::Point{0, 0}
+                                : run == 1 ? cv::Point{size.width - 1, size.height - 1}
+                                           : cv::Point{below(size.width), below(size.height)};
+        depth(valid) = 1234;
+        inpainting.apply(depth, filled);
+        EXPECT_EQ(cv::countNonZero(filled != 1234), 0) << size << " " << valid;
+      }
+    }
   }
 }
 
