@@ -1,10 +1,7 @@
 #include "rgbd/pose/descriptor.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <bit>
-#include <boost/pending/disjoint_sets.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -45,35 +42,6 @@ std::vector<double> gaussian(double sigma) {
   for (int d = -reach; d <= reach; ++d) sum += kernel.emplace_back(std::exp(-d * d / (2 * sigma * sigma)));
   for (double& k : kernel) k /= sum;
   return kernel;
-}
-
-using Neighbours = std::vector<std::vector<std::pair<double, std::size_t>>>;  // weight, pose
-
-Neighbours neighbours_of(std::size_t count, std::span<const PoseEdge> tree) {
-  Neighbours neighbours(count);
-  for (const PoseEdge& edge : tree) {
-    neighbours[edge.a].emplace_back(edge.weight, edge.b);
-    neighbours[edge.b].emplace_back(edge.weight, edge.a);
-  }
-  for (auto& list : neighbours) std::ranges::sort(list);
-  return neighbours;
-}
-
-// The pose whose path from `start` is longest; of equal ones the first.
-std::size_t farthest(const Neighbours& neighbours, std::size_t start) {
-  std::vector<double> distance(neighbours.size(), -1);
-  std::vector<std::size_t> stack = {start};
-  distance[start] = 0;
-  while (!stack.empty()) {
-    const std::size_t here = stack.back();
-    stack.pop_back();
-    for (const auto& [weight, next] : neighbours[here]) {
-      if (distance[next] >= 0) continue;
-      distance[next] = distance[here] + weight;
-      stack.push_back(next);
-    }
-  }
-  return static_cast<std::size_t>(std::ranges::max_element(distance) - distance.begin());
 }
 
 }  // namespace
@@ -150,68 +118,6 @@ std::vector<PoseMatch> PoseLibrary::find(const PoseDescriptor& pose, double leas
   }
   std::ranges::stable_sort(matches, std::greater<>{}, &PoseMatch::correlation);
   return matches;
-}
-
-std::vector<PoseEdge> spanning_tree(std::span<const PoseDescriptor> poses) {
-  std::vector<PoseEdge> edges, tree;
-  for (std::size_t a = 0; a < poses.size(); ++a) {
-    for (std::size_t b = a + 1; b < poses.size(); ++b) edges.push_back({a, b, 1 - correlation(poses[a], poses[b])});
-  }
-  std::ranges::stable_sort(edges, {}, &PoseEdge::weight);
-  std::vector<std::size_t> rank(poses.size()), parent(poses.size());
-  boost::disjoint_sets<std::size_t*, std::size_t*> sets(rank.data(), parent.data());
-  for (std::size_t i = 0; i < poses.size(); ++i) sets.make_set(i);
-  for (const PoseEdge& edge : edges) {
-    if (sets.find_set(edge.a) == sets.find_set(edge.b)) continue;
-    sets.union_set(edge.a, edge.b);
-    tree.push_back(edge);
-  }
-  return tree;
-}
-
-std::vector<std::size_t> preorder(std::size_t count, std::span<const PoseEdge> tree) {
-  std::vector<std::size_t> order;
-  if (count == 0) return order;
-  const Neighbours neighbours = neighbours_of(count, tree);
-  std::vector<std::size_t> stack = {farthest(neighbours, farthest(neighbours, 0))};
-  std::vector<bool> seen(count);
-  while (!stack.empty()) {
-    const std::size_t here = stack.back();
-    stack.pop_back();
-    if (seen[here]) continue;
-    seen[here] = true;
-    order.push_back(here);
-    for (auto next = neighbours[here].rbegin(); next != neighbours[here].rend(); ++next) {
-      if (!seen[next->second]) stack.push_back(next->second);
-    }
-  }
-  return order;
-}
-
-std::string pose_picture(std::span<const PoseDescriptor> poses, std::span<const std::size_t> order) {
-  constexpr int kCell = 4, kTile = kCell * static_cast<int>(kPoseCells) + 4;
-  std::uint32_t levels = 0;
-  while ((std::size_t{1} << (2 * levels)) < order.size()) ++levels;
-  const int side = kTile << levels;
-  std::string svg = fmt::format("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{0}\">\n", side);
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    const Pixel tile = hilbert_pixel(levels, static_cast<std::uint32_t>(i));
-    const PoseDescriptor& pose = poses[order[i]];
-    const float most = std::max(*std::ranges::max_element(pose), 1e-9F);
-    svg += fmt::format("<path transform=\"translate({},{})\" stroke=\"black\" d=\"", tile.x * kTile + 2,
-                       tile.y * kTile + 2);
-    for (std::size_t k = 0; k < kPoseLength; ++k) {
-      if (pose[k] < 0.25F * most) continue;
-      const std::size_t cell = k / kPoseDirections;
-      const double x = kCell * (static_cast<double>(cell % kPoseCells) + 0.5),
-                   y = kCell * (static_cast<double>(cell / kPoseCells) + 0.5);
-      const double angle = kPi / 4 * static_cast<double>(k % kPoseDirections);
-      const double dx = 0.5 * kCell * std::cos(angle), dy = -0.5 * kCell * std::sin(angle);
-      svg += fmt::format("M{:.1f} {:.1f}L{:.1f} {:.1f}", x - dx, y - dy, x + dx, y + dy);
-    }
-    svg += "\"/>\n";
-  }
-  return svg + "</svg>\n";
 }
 
 }  // namespace sherlog::rgbd

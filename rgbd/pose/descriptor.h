@@ -1,21 +1,18 @@
-// A pose as 324 numbers, comparison, retrieval, and an order of many poses.
+// A pose as 324 numbers, comparison, and retrieval.
 //
 // Idea      A grid of 9 x 9 cells over the box around a person's keypoints; in each cell a histogram of the direction
 //           in which the skeleton's branch runs there, in four bins, smoothed a little over the cells. Place and size
 //           fall out by the box; two descriptors are compared by their correlation. No graph is matched, no end point
 //           is looked for. The direction at a keypoint is the main axis of its nearest keypoints along the Hilbert
-//           curve. Poses in an order: a minimum spanning tree of 1 - correlation (a minimum tree of the correlation
-//           itself, as printed, joins what is least alike), walked in preorder from an end of its longest path,
-//           children by weight.
-// Source    pose paper, section III.C and IV.B; fractal nearest-neighbour paper, Fig. 7
-// Cost      description O(keypoints), comparison 324 multiplications, order O(n^2 log n)
+//           curve.
+// Source    pose paper, section III.C and IV.B
+// Cost      description O(keypoints), comparison 324 multiplications
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <string>
 #include <unordered_set>
 #include <vector>
 
@@ -65,16 +62,5 @@ class PoseLibrary {
   std::vector<PoseDescriptor> poses_;
   std::unordered_set<std::uint32_t> sums_;
 };
-
-struct PoseEdge {
-  std::size_t a = 0, b = 0;
-  double weight = 0;  // 1 - correlation
-};
-// n - 1 edges, by weight (Kruskal; ties by index).
-std::vector<PoseEdge> spanning_tree(std::span<const PoseDescriptor> poses);
-// Numbers of the poses in preorder.
-std::vector<std::size_t> preorder(std::size_t count, std::span<const PoseEdge> tree);
-// Poses in this order along a Hilbert curve, each a small grid of strokes, as an SVG picture.
-std::string pose_picture(std::span<const PoseDescriptor> poses, std::span<const std::size_t> order);
 
 }  // namespace sherlog::rgbd

@@ -7,7 +7,6 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <random>
-#include <set>
 
 #include "rgbd/pose/keypoints.h"
 #include "rgbd/synthetic/person.h"
@@ -190,60 +189,6 @@ TEST(PoseLibrary, FindsPosesOfTheSameKind) {
     for (const std::size_t i : {0U, 1U, 2U, 3U, 4U}) sum += correlation(described(noise), library[i]) / (40 * 5);
   }
   EXPECT_LT(sum, 0.1);
-}
-
-TEST(SpanningTree, WeighsWhatPrimsDoes) {
-  std::mt19937_64 random(9);
-  std::vector<PoseDescriptor> poses;
-  for (std::size_t i = 0; i < 60; ++i) poses.push_back(described(stick_figure(posture_of(i % 4, random))));
-  const std::vector<PoseEdge> tree = spanning_tree(poses);
-  ASSERT_EQ(tree.size(), 59U);
-  double weight = 0;
-  for (const PoseEdge& edge : tree) weight += edge.weight;
-  std::vector<double> nearest(poses.size(), 1e9);
-  std::vector<bool> in(poses.size());
-  double prim = 0;
-  std::size_t newest = 0;
-  in[0] = true;
-  for (std::size_t k = 1; k < poses.size(); ++k) {
-    for (std::size_t i = 0; i < poses.size(); ++i)
-      nearest[i] = std::min(nearest[i], 1 - correlation(poses[i], poses[newest]));
-    newest = poses.size();
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      if (!in[i] && (newest == poses.size() || nearest[i] < nearest[newest])) newest = i;
-    }
-    in[newest] = true;
-    prim += nearest[newest];
-  }
-  EXPECT_NEAR(weight, prim, 1e-9);
-}
-
-TEST(PosePicture, PutsPosesThatAreAlikeSideBySide) {
-  std::mt19937_64 random(10);
-  std::vector<PoseDescriptor> poses;
-  for (std::size_t i = 0; i < 256; ++i) poses.push_back(described(stick_figure(posture_of(random() % 4, random))));
-  const std::vector<std::size_t> order = preorder(poses.size(), spanning_tree(poses));
-  ASSERT_EQ(std::set<std::size_t>(order.begin(), order.end()).size(), 256U);
-  const auto neighbours_apart = [&](const std::vector<std::size_t>& sequence) {
-    double sum = 0, count = 0;
-    for (std::uint32_t i = 0; i < 256; ++i) {
-      const Pixel p = hilbert_pixel(4, i);
-      for (const Pixel& q : {Pixel{p.x + 1, p.y}, Pixel{p.x, p.y + 1}}) {
-        if (q.x > 15 || q.y > 15) continue;
-        sum += 1 - correlation(poses[sequence[i]], poses[sequence[hilbert_index(4, q)]]);
-        ++count;
-      }
-    }
-    return sum / count;
-  };
-  std::vector<std::size_t> shuffled = order;
-  std::ranges::shuffle(shuffled, random);
-  EXPECT_LE(neighbours_apart(order), 0.6 * neighbours_apart(shuffled));
-  const std::string svg = pose_picture(poses, order);
-  EXPECT_TRUE(svg.starts_with("<svg ") && svg.ends_with("</svg>\n"));
-  std::size_t tiles = 0;
-  for (std::size_t at = svg.find("<path"); at != std::string::npos; at = svg.find("<path", at + 1)) ++tiles;
-  EXPECT_EQ(tiles, 256U);
 }
 
 }  // namespace
