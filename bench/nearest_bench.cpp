@@ -1,11 +1,22 @@
-// Nearest keypoint of every pixel: along the Hilbert curve against a kd-tree (nanoflann, exact), at the sizes of the paper's
-// figures. The two numbers to compare are rows of one run; what is done once for an image size is a row of its own.
+// Nearest keypoint of every pixel: along the Hilbert curve against a kd-tree (nanoflann, exact), at the sizes of the
+// paper's figures. The two numbers to compare are rows of one run; what is done once for an image size is a row of its
+// own. `nearest_bench --figures [FOLDER]` prints what the paper's other figures show: distances on the curve and in the
+// plane, accuracy, time over the size of the curve and over the number of keypoints. With a folder it writes the cells
+// of 240 keypoints as two pictures.
 #include <benchmark/benchmark.h>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
 #include <nanoflann.hpp>
 #include <random>
+#include <string>
+#include <string_view>
 #include <vector>
 
+#include "rgbd/frames/png.h"
 #include "rgbd/nearest/hilbert_curve.h"
 #include "rgbd/nearest/keypoint_queue.h"
 #include "rgbd/nearest/nearest_map.h"
@@ -105,6 +116,200 @@ void FiveNearestByCurve(benchmark::State& state) {
 }
 BENCHMARK(FiveNearestByCurve)->DenseRange(0, 2);
 
+// --- the paper's figures
+
+using Random = std::mt19937_64;
+
+double distance(Pixel a, Pixel b) { return std::hypot(a.x - b.x, a.y - b.y); }
+
+// Least of several runs, seconds.
+template <class Call>
+double seconds_of(int runs, Call call) {
+  double least = 1e9;
+  for (int run = 0; run < runs; ++run) {
+    const auto before = std::chrono::steady_clock::now();
+    call();
+    least = std::min(least, std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count());
+  }
+  return least;
+}
+
+std::vector<std::uint32_t> cells_by_curve(const HilbertMap& map, const std::vector<Pixel>& points) {
+  NearestMap nearest(map);
+  nearest.assign(points);
+  return {nearest.nearest().begin(), nearest.nearest().end()};
+}
+
+std::vector<std::uint32_t> cells_by_tree(const Case& c, const std::vector<Pixel>& points) {
+  const Cloud cloud{points};
+  const Tree tree(2, cloud);
+  std::vector<std::uint32_t> nearest;
+  for (std::int32_t y = 0; y < c.height; ++y) {
+    for (std::int32_t x = 0; x < c.width; ++x) {
+      const float query[2] = {static_cast<float>(x), static_cast<float>(y)};
+      float squared = 0.0f;
+      tree.knnSearch(query, 1, &nearest.emplace_back(), &squared);
+    }
+  }
+  return nearest;
+}
+
+void print_distances() {
+  fmt::print("Apart on the curve, mean and median distance in the plane, root (256 x 256, all pairs)\n");
+  for (std::uint32_t apart = 1; apart <= 10; ++apart) {
+    std::vector<double> distances;
+    for (std::uint32_t i = 0; i + apart < 65536; ++i) {
+      distances.push_back(distance(hilbert_pixel(8, i), hilbert_pixel(8, i + apart)));
+    }
+    double sum = 0;
+    for (const double d : distances) sum += d;
+    std::ranges::nth_element(distances, distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2));
+    fmt::print("  {:2}  {:.2f}  {:.2f}  {:.2f}\n", apart, sum / static_cast<double>(distances.size()),
+               distances[distances.size() / 2], std::sqrt(apart));
+  }
+  fmt::print("Distance in the plane (rounded), median and greatest distance on the curve (all pairs)\n");
+  std::vector<std::vector<std::uint32_t>> on_curve(10);
+  const HilbertMap map = make_hilbert_map(256, 256);
+  for (std::int32_t i = 0; i < 65536; ++i) {
+    const Pixel p{i % 256, i / 256};
+    for (std::int32_t y = p.y; y <= std::min(p.y + 9, 255); ++y) {
+      for (std::int32_t x = std::max(p.x - 9, 0); x <= std::min(p.x + 9, 255); ++x) {
+        const auto rounded = static_cast<std::size_t>(std::lround(distance(p, {x, y})));
+        if ((y == p.y && x <= p.x) || rounded > 9) continue;
+        const std::uint32_t a = map.index(p), b = map.index({x, y});
+        on_curve[rounded].push_back(a > b ? a - b : b - a);
+      }
+    }
+  }
+  for (std::size_t d = 1; d <= 9; ++d) {
+    auto& list = on_curve[d];
+    std::ranges::nth_element(list, list.begin() + static_cast<std::ptrdiff_t>(list.size() / 2));
+    fmt::print("  {}  {:3}  {}\n", d, list[list.size() / 2], *std::ranges::max_element(list));
+  }
+}
+
+void print_accuracy() {
+  fmt::print("Keypoints, share of exact answers, chance, mean ratio of distances (256 x 256, all pixels)\n");
+  const HilbertMap map = make_hilbert_map(256, 256);
+  for (const std::size_t count : {10U, 30U, 100U, 240U, 500U, 1000U, 2000U, 4753U}) {
+    const int images = count < 100 ? 100 : 20;
+    double exact = 0, ratio = 0, ratios = 0, all = 0;
+    Random random(count);
+    for (int image = 0; image < images; ++image) {
+      std::vector<Pixel> points;
+      for (std::size_t i = 0; i < count; ++i) {
+        points.push_back({static_cast<std::int32_t>(random() % 256), static_cast<std::int32_t>(random() % 256)});
+      }
+      const auto curve = cells_by_curve(map, points), tree = cells_by_tree({256, 256, count}, points);
+      for (std::size_t i = 0; i < curve.size(); ++i) {
+        const Pixel q{static_cast<std::int32_t>(i % 256), static_cast<std::int32_t>(i / 256)};
+        const double got = distance(points[curve[i]], q), best = distance(points[tree[i]], q);
+        exact += got <= best ? 1 : 0;
+        all += 1;
+        if (best > 0) ratio += got / best, ratios += 1;
+      }
+    }
+    fmt::print("  {:5}  {:.3f}  {:.4f}  {:.3f}\n", count, exact / all, 1.0 / static_cast<double>(count),
+               ratio / ratios);
+  }
+}
+
+// Time over C (theorem 1: linear). False: it is not.
+bool print_slope() {
+  fmt::print("Side, milliseconds for the tables, for all pixels; nanoseconds a pixel (1,000 keypoints)\n");
+  double sum_x = 0, sum_y = 0, sum_xx = 0, sum_xy = 0, count = 0;
+  for (const std::int32_t side : {256, 512, 1024, 2048, 4096}) {
+    HilbertMap map;
+    const double once = seconds_of(2, [&] { map = make_hilbert_map(side, side); });
+    NearestMap nearest(map);
+    const std::vector<Pixel> points = keypoints({side, side, 1000});
+    const double seconds = seconds_of(9, [&] { nearest.assign(points); });
+    const double pixels = static_cast<double>(side) * side;
+    fmt::print("  {:4}  {:7.2f}  {:7.3f}  {:.2f}\n", side, 1000 * once, 1000 * seconds, 1e9 * seconds / pixels);
+    const double x = std::log(pixels), y = std::log(seconds);
+    sum_x += x, sum_y += y, sum_xx += x * x, sum_xy += x * y, count += 1;
+  }
+  const double slope = (count * sum_xy - sum_x * sum_y) / (count * sum_xx - sum_x * sum_x);
+  fmt::print("  slope of log time over log C: {:.3f}\n", slope);
+  return slope > 0.8 && slope < 1.2;
+}
+
+// Where the curve begins to pay: one keypoint and more, against looking at all keypoints and against the tree.
+void print_crossover() {
+  fmt::print(
+      "Keypoints, nanoseconds a pixel: all pixels by the curve, a query of the queue, all keypoints, tree (640 x "
+      "480)\n");
+  const Case size{640, 480, 0};
+  const HilbertMap map = make_hilbert_map(size.width, size.height);
+  NearestMap nearest(map);
+  KeypointQueue queue(map);
+  const double pixels = static_cast<double>(size.width) * size.height;
+  for (const std::size_t count : {1U, 2U, 5U, 10U, 20U, 50U, 100U, 500U, 2000U}) {
+    const std::vector<Pixel> points = keypoints({size.width, size.height, count});
+    const auto over_pixels = [&](auto query) {
+      for (std::int32_t y = 0; y < size.height; ++y) {
+        for (std::int32_t x = 0; x < size.width; ++x) query(Pixel{x, y});
+      }
+    };
+    std::vector<std::uint32_t> found;
+    const double by_curve = seconds_of(5, [&] { nearest.assign(points); });
+    const double by_queue = seconds_of(2, [&] {
+      queue.assign(points);
+      over_pixels([&](Pixel q) {
+        found.clear();
+        queue.nearest(q, 1, found);
+        benchmark::DoNotOptimize(found.data());
+      });
+    });
+    const double by_all = seconds_of(1, [&] {
+      over_pixels([&](Pixel q) {
+        std::int32_t best = 1 << 30;
+        std::uint32_t which = 0;
+        for (std::uint32_t k = 0; k < points.size(); ++k) {
+          const std::int32_t dx = points[k].x - q.x, dy = points[k].y - q.y, squared = dx * dx + dy * dy;
+          if (squared < best) best = squared, which = k;
+        }
+        benchmark::DoNotOptimize(which);
+      });
+    });
+    const double by_tree = seconds_of(1, [&] { benchmark::DoNotOptimize(cells_by_tree(size, points).data()); });
+    fmt::print("  {:4}  {:7.2f}  {:7.1f}  {:7.1f}  {:7.1f}\n", count, 1e9 * by_curve / pixels, 1e9 * by_queue / pixels,
+               1e9 * by_all / pixels, 1e9 * by_tree / pixels);
+  }
+}
+
+bool write_cells(const std::filesystem::path& folder) {
+  const Case c{256, 256, 240};
+  const std::vector<Pixel> points = keypoints(c);
+  Random random(7);
+  std::vector<cv::Vec3b> colours(points.size());
+  for (cv::Vec3b& colour : colours) {
+    for (int channel = 0; channel < 3; ++channel) colour[channel] = static_cast<std::uint8_t>(random() % 256);
+  }
+  const auto write = [&](const char* name, const std::vector<std::uint32_t>& cells) {
+    cv::Mat3b image(c.height, c.width);
+    std::ranges::transform(cells, image.begin(), [&](std::uint32_t k) { return colours[k]; });
+    std::string problem;
+    const bool is_written = write_png(folder / name, image, problem);
+    if (!is_written) fmt::print(stderr, "{}\n", problem);
+    return is_written;
+  };
+  return write("cells_curve.png", cells_by_curve(make_hilbert_map(c.width, c.height), points)) &&
+         write("cells_exact.png", cells_by_tree(c, points));
+}
+
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "--figures") {
+    print_distances();
+    print_accuracy();
+    const bool is_linear = print_slope();
+    print_crossover();
+    return is_linear && (argc < 3 || write_cells(argv[2])) ? 0 : 1;
+  }
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

@@ -1,14 +1,20 @@
 // From a depth frame to labelled people on one core: the stages of pose at 640 x 480, and the whole chain with its
-// depth preprocessing. `people_crossing` has two people in view, `crowd` up to fifty.
+// depth preprocessing. `people_crossing` has two people in view, `crowd` up to fifty. `pose_bench --labels` prints no
+// times of stages but how labels hold from frame to frame, beside a graph segmentation.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include <chrono>
 #include <map>
 #include <opencv2/imgproc.hpp>
+#include <random>
+#include <set>
+#include <string_view>
 #include <vector>
 
+#include "bench/graph_segmentation.h"
 #include "rgbd/depth/background.h"
-#include "rgbd/pose/descriptor.h"
+#include "rgbd/pose/picture.h"
 #include "rgbd/pose/segmentation.h"
 #include "rgbd/synthetic/sequences.h"
 
@@ -89,6 +95,99 @@ void WholePoseChain(benchmark::State& state) {
 }
 BENCHMARK(WholePoseChain)->DenseRange(0, 1)->Unit(benchmark::kMillisecond);
 
+// The tree of a picture: 256 and 4,096 descriptors around forty poses.
+void SpanningTree(benchmark::State& state) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  std::vector<PoseDescriptor> kinds(40), poses(static_cast<std::size_t>(state.range(0)));
+  for (PoseDescriptor& kind : kinds) {
+    for (float& value : kind) value = uniform(random) < 0.2F ? uniform(random) : 0.0F;
+  }
+  for (PoseDescriptor& pose : poses) {
+    pose = kinds[random() % kinds.size()];
+    for (float& value : pose) value += 0.3F * uniform(random);
+  }
+  for (auto _ : state) benchmark::DoNotOptimize(spanning_tree(poses));
+}
+BENCHMARK(SpanningTree)->Arg(256)->Arg(4096)->Unit(benchmark::kMillisecond);
+
+// --- how labels hold
+
+// What one method says of the keypoints of each person, over a sequence.
+struct LabelScores {
+  std::map<std::int32_t, std::map<std::int32_t, int>> frames_with;  // person, label
+  std::int64_t keypoints = 0, own = 0;  // with the person's most frequent label of the frame
+  double seconds = 0;
+
+  void add(const TrueFrame& truth, std::span<const Keypoint> points, std::span<const std::int32_t> labels) {
+    std::map<std::int32_t, std::map<std::int32_t, int>> votes;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const std::uint16_t entity = truth.entities(points[k].pixel.y, points[k].pixel.x);
+      const std::int32_t person = entity == 0 ? 0 : truth.scene.entities[entity - 1U].person;
+      if (person != 0) ++votes[person][labels[k]];
+    }
+    for (const auto& [person, count] : votes) {
+      const auto best = std::ranges::max_element(count, {}, [](const auto& entry) { return entry.second; });
+      if (best->second < 15) continue;
+      ++frames_with[person][best->first];
+      own += best->second;
+      for (const auto& [label, votes_of] : count) keypoints += votes_of;
+    }
+  }
+  void print(std::string_view name, std::size_t frames) const {
+    fmt::print("  {:26}", name);
+    for (const auto& [person, labels] : frames_with) {
+      int all = 0, most = 0;
+      for (const auto& [label, count] : labels) all += count, most = std::max(most, count);
+      fmt::print("  person {}: {:3} labels, {:5.1f} % of frames the first", person, labels.size(), 100.0 * most / all);
+    }
+    fmt::print("  own {:.2f} %  {:.2f} ms\n", 100.0 * static_cast<double>(own) / static_cast<double>(keypoints),
+               1000 * seconds / static_cast<double>(frames));
+  }
+};
+
+template <class Call>
+auto timed(double& seconds, Call call) {
+  const auto before = std::chrono::steady_clock::now();
+  auto result = call();
+  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+  return result;
+}
+
+void print_labels(std::int32_t width, std::uint64_t seed) {
+  const auto sequence = make_sequence("people_crossing", {.width = width, .height = width * 3 / 4, .seed = seed});
+  DepthPreprocessing chain;
+  SpatioTemporalSegmentation ours, as_printed({.tenure = 0, .patience = 0});
+  GraphSegmentation graph;
+  LabelScores of_ours, of_printed, of_graph;
+  for (std::size_t i = 0; i < sequence->size(); ++i) {
+    const TrueFrame truth = sequence->frame(i);
+    const PreprocessedDepth& depth = chain.next(truth.frame.depth, truth.frame.colour);
+    const std::vector<Keypoint> points = keypoints(depth.disparity, depth.foreground, sequence->calibration());
+    of_ours.add(truth, points, timed(of_ours.seconds, [&] { return ours.next(points); }));
+    of_printed.add(truth, points, timed(of_printed.seconds, [&] { return as_printed.next(points); }));
+    const cv::Mat1i segments = timed(of_graph.seconds, [&] { return graph.next(depth.disparity, depth.foreground); });
+    std::vector<std::int32_t> labels;
+    for (const Keypoint& point : points) labels.push_back(segments(point.pixel.y, point.pixel.x));
+    of_graph.add(truth, points, labels);
+  }
+  fmt::print("people_crossing, {} x {}, seed {}\n", width, width * 3 / 4, seed);
+  of_ours.print("ours", sequence->size());
+  of_printed.print("Algs. 1-3 alone", sequence->size());
+  of_graph.print("graph segmentation", sequence->size());
+}
+
 }  // namespace
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "--labels") {
+    cv::setNumThreads(1);
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) print_labels(320, seed);
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) print_labels(640, seed);
+    return 0;
+  }
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

@@ -7,6 +7,7 @@
 #include <random>
 #include <set>
 
+#include "bench/graph_segmentation.h"
 #include "rgbd/depth/background.h"
 #include "rgbd/pose/segmentation.h"
 #include "rgbd/synthetic/sequences.h"
@@ -301,6 +302,37 @@ TEST(Segmentation, MakesOneOfTwoPeopleCloserThan35Centimetres) {
     const auto grown = [](const Segment& segment) { return segment.count > 50; };
     EXPECT_EQ(std::ranges::count_if(segmentation.segments(), grown), segments) << apart;
   }
+}
+
+// The baseline that the benchmark prints beside ours.
+TEST(GraphSegmentation, PartsWhatDiffersAndKeepsWhatGrowsSlowly) {
+  DisparityImage disparity(40, 60, 100.0F);
+  disparity(cv::Rect(30, 0, 30, 40)).setTo(140.0F);                        // a jump
+  for (int x = 0; x < 30; ++x) disparity.col(x) += static_cast<float>(x);  // and a slope up to it
+  MaskImage mask(40, 60, std::uint8_t{255});
+  mask.row(20).setTo(0);
+  GraphSegmentation graph({.scale = 50, .least_pixels = 20});
+  const cv::Mat1i labels = graph.segment(disparity, mask);
+  EXPECT_EQ(std::set<int>(labels.begin(), labels.end()), (std::set<int>{0, 1, 2, 3, 4}));
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 60; ++x) {
+      ASSERT_EQ(labels(y, x), y == 20 ? 0 : labels(y < 20 ? 0 : 39, x < 30 ? 0 : 59)) << x << " " << y;
+    }
+  }
+  // Too small a piece goes to its neighbour, however different.
+  disparity(cv::Rect(5, 5, 4, 4)).setTo(500.0F);
+  EXPECT_EQ(graph.segment(disparity, mask)(6, 6), labels(0, 0));
+  // The next frame: what has moved by a pixel keeps its label, what is new gets another.
+  const cv::Mat1i first = graph.next(disparity, mask);
+  DisparityImage shifted = disparity.clone();
+  disparity(cv::Rect(0, 0, 59, 39)).copyTo(shifted(cv::Rect(1, 1, 59, 39)));
+  const cv::Mat1i second = graph.next(shifted, mask);
+  EXPECT_EQ(second(0, 0), first(0, 0));
+  EXPECT_EQ(second(39, 59), first(39, 59));
+  mask.setTo(0);
+  mask(cv::Rect(0, 0, 10, 40)).setTo(255);
+  graph.next(shifted, MaskImage(mask.size(), std::uint8_t{0}));
+  EXPECT_GT(graph.next(shifted, mask)(0, 0), 4);  // forgotten after a frame of nothing
 }
 
 struct Crossing {
