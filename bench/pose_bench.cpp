@@ -139,7 +139,7 @@ struct LabelScores {
     for (const auto& [person, labels] : frames_with) {
       int all = 0, most = 0;
       for (const auto& [label, count] : labels) all += count, most = std::max(most, count);
-      fmt::print("  person {}: {:3} labels, {:5.1f} % of frames the commonest", person, labels.size(), 100.0 * most / all);
+      fmt::print("  person {}: {:3} labels, {:5.1f} % of frames one", person, labels.size(), 100.0 * most / all);
     }
     fmt::print("  own {:.2f} %  {:.2f} ms\n", 100.0 * static_cast<double>(own) / static_cast<double>(keypoints),
                1000 * seconds / static_cast<double>(frames));
