@@ -22,12 +22,45 @@ struct Weights {
   std::vector<double> log_pair;   // column by column
   std::vector<double> pair;       // exp, scaled so that the largest of a column is 1
   std::vector<double> alone;      // by column, likewise
-  std::vector<double> running;    // column by column: sums of `pair` up to this row
   std::vector<double> log_total;  // by column: of all rows and being alone, not scaled
+  // To draw a row of a column, or being alone (after the last row), by its weight: a place at random, and there the place itself
+  // with this probability, else the other one (Walker's alias method). Column by column, rows + 1 places each.
+  struct Place {
+    double own;
+    std::uint32_t other;
+  };
+  std::vector<Place> places;
 };
+
+void add_places(std::span<const double> weights, double total, std::vector<Weights::Place>& places) {
+  const std::size_t first = places.size(), count = weights.size();
+  std::vector<std::uint32_t> small, large;
+  std::vector<double> share(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    share[i] = weights[i] / total * static_cast<double>(count);
+    (share[i] < 1 ? small : large).push_back(i);
+    places.push_back({1, i});
+  }
+  while (!small.empty() && !large.empty()) {
+    const std::uint32_t s = small.back(), l = large.back();
+    small.pop_back();
+    places[first + s] = {share[s], l};
+    share[l] -= 1 - share[s];
+    if (share[l] >= 1) continue;
+    large.pop_back();
+    small.push_back(l);
+  }
+  // What is left of the small ones should be 1, but for rounding; what has no weight must not be drawn.
+  for (const std::uint32_t i : small) {
+    if (weights[i] <= 0)
+      places[first + i].own = 0, places[first + i].other =
+                                     static_cast<std::uint32_t>(std::ranges::max_element(weights) - weights.begin());
+  }
+}
 
 Weights weights_of(std::span<const double> log_weights, std::size_t rows, std::size_t columns) {
   Weights w{rows, columns, std::vector<double>(rows * columns), std::vector<double>(rows * columns), {}, {}, {}};
+  std::vector<double> choices(rows + 1);
   for (std::size_t c = 0; c < columns; ++c) {
     double largest = 0;
     for (std::size_t r = 0; r < rows; ++r) {
@@ -36,9 +69,11 @@ Weights weights_of(std::span<const double> log_weights, std::size_t rows, std::s
     }
     for (std::size_t r = 0; r < rows; ++r) w.pair[c * rows + r] = std::exp(w.log_pair[c * rows + r] - largest);
     w.alone.push_back(std::exp(-largest));
-    double sum = 0;
-    for (std::size_t r = 0; r < rows; ++r) w.running.push_back(sum += w.pair[c * rows + r]);
-    w.log_total.push_back(largest + std::log(sum + w.alone.back()));
+    double sum = w.alone.back();
+    for (std::size_t r = 0; r < rows; ++r) sum += choices[r] = w.pair[c * rows + r];
+    choices[rows] = w.alone.back();
+    w.log_total.push_back(largest + std::log(sum));
+    add_places(choices, sum, w.places);
   }
   return w;
 }
@@ -49,10 +84,10 @@ class Chain {
       : w_(weights),
         rng_(seed, chain),
         row_of_(start.begin(), start.end()),
-        taken_(weights.rows, false),
+        column_of_(weights.rows, kAlone),
         scratch_(weights.rows) {
-    for (std::uint32_t r : row_of_) {
-      if (r != kAlone) taken_[r] = true;
+    for (std::uint32_t c = 0; c < row_of_.size(); ++c) {
+      if (row_of_[c] != kAlone) column_of_[row_of_[c]] = c;
     }
   }
 
@@ -64,11 +99,11 @@ class Chain {
 
  private:
   void redraw(std::uint32_t c, double* sums) {
-    if (row_of_[c] != kAlone) taken_[row_of_[c]] = false;
+    if (row_of_[c] != kAlone) column_of_[row_of_[c]] = kAlone;
     const double* pair = w_.pair.data() + c * w_.rows;
     double total = w_.alone[c];
     for (std::size_t r = 0; r < w_.rows; ++r) {
-      scratch_[r] = taken_[r] ? 0.0 : pair[r];
+      scratch_[r] = column_of_[r] != kAlone ? 0.0 : pair[r];
       total += scratch_[r];
     }
     if (total > 0) {
@@ -76,16 +111,16 @@ class Chain {
       if (sums != nullptr) add(c, scale, sums);
       double point = rng_.uniform() * total;
       std::uint32_t drawn = kAlone;
-      for (std::uint32_t r = 0; r < w_.rows; ++r) {
-        if (scratch_[r] <= 0) continue;
-        drawn = r;
-        point -= scratch_[r];
+      for (std::uint32_t row = 0; row < w_.rows; ++row) {
+        if (scratch_[row] <= 0) continue;
+        drawn = row;
+        point -= scratch_[row];
         if (point < 0) break;
       }
       if (point >= 0 && w_.alone[c] > 0) drawn = kAlone;
       row_of_[c] = drawn;
     }
-    if (row_of_[c] != kAlone) taken_[row_of_[c]] = true;
+    if (row_of_[c] != kAlone) column_of_[row_of_[c]] = c;
   }
 
   void add(std::uint32_t c, double scale, double* sums) const {
@@ -99,23 +134,24 @@ class Chain {
   // wants its old row, or, where it was alone, b wants the row again.
   void offer_exchange() {
     const std::uint32_t a = rng_.below(static_cast<std::uint32_t>(w_.columns));
-    const auto begin = w_.running.begin() + static_cast<std::ptrdiff_t>(a * w_.rows);
-    const auto end = begin + static_cast<std::ptrdiff_t>(w_.rows);
-    const double point = rng_.uniform() * (*(end - 1) + w_.alone[a]);
-    const auto wanted = static_cast<std::uint32_t>(std::upper_bound(begin, end, point) - begin);
-    if (wanted >= w_.rows || !taken_[wanted] || row_of_[a] == wanted) return;
-    const auto holder = std::ranges::find(row_of_, wanted);
-    const auto b = static_cast<std::uint32_t>(holder - row_of_.begin());
-    const std::uint32_t had = row_of_[a];
+    const auto places = static_cast<std::uint32_t>(w_.rows + 1);
+    const std::uint32_t place = rng_.below(places);
+    const Weights::Place& drawn = w_.places[std::size_t{a} * places + place];
+    const std::uint32_t wanted = rng_.uniform() < drawn.own ? place : drawn.other;
+    if (wanted >= w_.rows || column_of_[wanted] == kAlone || row_of_[a] == wanted) return;
+    const std::uint32_t b = column_of_[wanted], had = row_of_[a];
     const double log_ratio =
         had == kAlone ? w_.log_total[a] - w_.log_total[b] : log_weight(b, had) - log_weight(b, wanted);
-    if (log_ratio >= 0 || rng_.uniform() < std::exp(log_ratio)) std::swap(row_of_[a], row_of_[b]);
+    if (log_ratio < 0 && rng_.uniform() >= std::exp(log_ratio)) return;
+    std::swap(row_of_[a], row_of_[b]);
+    column_of_[wanted] = a;
+    if (had != kAlone) column_of_[had] = b;
   }
 
   const Weights& w_;
   Rng rng_;
-  std::vector<std::uint32_t> row_of_;  // by column
-  std::vector<char> taken_;            // by row
+  std::vector<std::uint32_t> row_of_;     // by column
+  std::vector<std::uint32_t> column_of_;  // by row
   std::vector<double> scratch_;
 };
 
