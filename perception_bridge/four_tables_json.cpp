@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -92,6 +93,15 @@ class LineReader {
   }
   template <class Number>
   Number count(const Value& object, const char* key) {
+    // Seeds have 64 bits, of which a double has 53.
+    if (const Value* whole = object.find(key); whole != nullptr) {
+      const std::uint64_t* large = whole->large_number();
+      const std::int64_t small = whole->whole_number().value_or(-1);
+      const std::uint64_t exact =
+          large != nullptr ? *large : static_cast<std::uint64_t>(std::max(small, std::int64_t{0}));
+      if ((large != nullptr || small >= 0) && exact <= std::numeric_limits<Number>::max())
+        return static_cast<Number>(exact);
+    }
     const double value = number(object, key);
     if (value >= 0 && value == std::floor(value) && value <= 9007199254740992.0 &&
         value <= static_cast<double>(std::numeric_limits<Number>::max()))

@@ -259,7 +259,20 @@ class Finder {
       const auto common = std::ranges::count_if(
           pixels, [&](const cv::Point& p) { return thing.roi.contains(p) && thing.mask(p - thing.roi.tl()) != 0; });
       if (static_cast<std::size_t>(5 * common) < 2 * pixels.size()) continue;
-      for (const cv::Point& p : pixels) thing.points.emplace_back(points_(p)[0], points_(p)[1], points_(p)[2]);
+      // Where depth measures it, its points are measured.
+      cv::Mat1b measured(thing.roi.size(), std::uint8_t{0});
+      for (const cv::Point& p : pixels) {
+        if (thing.roi.contains(p)) measured(p - thing.roi.tl()) = 255;
+      }
+      thing.points.clear();
+      for (const cv::Point& q : pixels_of(thing.mask)) {
+        const cv::Point p = q + thing.roi.tl();
+        if (measured(q) != 0) {
+          thing.points.emplace_back(points_(p)[0], points_(p)[1], points_(p)[2]);
+        } else if (const auto on = on_surface(p)) {
+          thing.points.push_back(*on);
+        }
+      }
       thing.from_colour = false;
       return;
     }

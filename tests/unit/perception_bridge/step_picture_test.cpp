@@ -135,7 +135,8 @@ TEST(StepPicture, OfAHundredOldClustersIsAPicture) {
 TEST(TrialLine, ReadsBackWhatItWrites) {
   const FourTablesConfig config;
   for (std::uint64_t number = 0; number < 5; ++number) {
-    const FourTablesTrial trial = simulate_four_tables(config, 3, number);
+    // The second seed is more than a double can tell from its neighbours.
+    const FourTablesTrial trial = simulate_four_tables(config, number == 1 ? 9007199254740995u : 3, number);
     MatcherAnswer answer;
     answer.resolution = trial.truth;
     const std::string line = trial_line(trial, answer, false);

@@ -151,15 +151,7 @@ void print(const Score& score) {
              text_of("class", score.classes), text_of("belief", score.belief), score.identities, score.things);
 }
 
-TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
-  Score score;
-  for (const char* name : {"table_moves", "table_removals", "table_occlusion", "robot_table"}) {
-    for (const std::uint64_t seed : {1U, 2U}) {
-      follow(*make_sequence(name, {.seed = seed}), 10, score);
-      if (HasFatalFailure()) return;
-    }
-  }
-  print(score);
+void expect_right(const Score& score) {
   EXPECT_GE(score.recall.rate(), 0.95);
   EXPECT_GE(score.precision.rate(), 0.95);
   EXPECT_GE(score.shapes.rate(), 0.9);
@@ -169,6 +161,18 @@ TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
   EXPECT_LE(static_cast<double>(score.identities), 1.05 * static_cast<double>(score.things));
 }
 
+TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
+  Score score;
+  for (const char* name : {"table_moves", "table_removals", "table_occlusion", "robot_table"}) {
+    for (const std::uint64_t seed : {1U, 2U}) {
+      follow(*make_sequence(name, {.seed = seed}), 10, score);
+      if (HasFatalFailure()) return;
+    }
+  }
+  print(score);
+  expect_right(score);
+}
+
 TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
   Score score;
   for (std::uint64_t seed = 201; seed <= 208; ++seed) {
@@ -176,13 +180,7 @@ TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
     if (HasFatalFailure()) return;
   }
   print(score);
-  EXPECT_GE(score.recall.rate(), 0.95);
-  EXPECT_GE(score.precision.rate(), 0.95);
-  EXPECT_GE(score.shapes.rate(), 0.9);
-  EXPECT_GE(score.classes.rate(), 0.9);
-  EXPECT_GE(score.belief.rate(), 0.95);
-  // No object is invented but one in twenty.
-  EXPECT_LE(static_cast<double>(score.identities), 1.05 * static_cast<double>(score.things));
+  expect_right(score);
 }
 
 }  // namespace

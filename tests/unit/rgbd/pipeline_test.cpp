@@ -385,6 +385,41 @@ TEST_F(KitchenTable, PlacesAreWithinACentimetreAndNamedByTheMap) {
   }
 }
 
+// From the cluster to its pixels and its pose and back to the picture (D5).
+TEST_F(KitchenTable, ClustersPixelsAndPosesAreOneThing) {
+  Perception all = perception(R"({"detect": {}})");
+  const TrueFrame truth = sequence().frame(0);
+  const Perceived perceived = look(all, truth.frame);
+  const auto& things = perceived.analysis.view<Hypotheses>("things")->things;
+  const auto* table = perceived.analysis.view<Table>("table");
+  const Calibration& calibration = sequence().calibration();
+  const Eigen::Isometry3d to_camera = sequence().camera().inverse();
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    const Hypothesis& thing = things[i];
+    const Cluster& cluster = perceived.scene.clusters[i];
+    const Annotation& roi = *annotations_of(cluster.hypotheses, "rs.scene.ImageROI").front();
+    EXPECT_EQ(find(roi.fields, "x")->number(), thing.roi.x);
+    std::size_t points = 0;
+    for (int y = 0; y < thing.roi.height; ++y) {
+      for (int x = 0; x < thing.roi.width; ++x) points += thing.mask(y, x) != 0 ? 1U : 0U;
+    }
+    EXPECT_LE(thing.points.size(), points);
+    // Each point is seen at a pixel of the mask, to less than a pixel.
+    for (const Eigen::Vector3f& point : thing.points) {
+      const Eigen::Vector2d pixel = calibration.pixel(table->pose * Eigen::Vector3d(point.cast<double>()));
+      const cv::Point at(static_cast<int>(std::lround(pixel.x())), static_cast<int>(std::lround(pixel.y())));
+      ASSERT_TRUE(thing.roi.contains(at));
+      EXPECT_NE(thing.mask(at - thing.roi.tl()), 0);
+      EXPECT_LT(std::abs(pixel.x() - at.x) + std::abs(pixel.y() - at.y), 0.1);
+    }
+    const auto position = position_of(cluster);
+    if (!position) continue;
+    const Eigen::Vector3d middle(position->coordinates[0], position->coordinates[1], position->coordinates[2]);
+    const Eigen::Vector2d pixel = calibration.pixel(to_camera * middle);
+    EXPECT_TRUE(thing.roi.contains(cv::Point(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()))));
+  }
+}
+
 TEST_F(KitchenTable, SaysThatThereIsNoTableInFramesOfNothing) {
   Perception all = perception(R"({"detect": {}})");
   Frame empty;

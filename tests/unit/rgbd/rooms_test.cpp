@@ -22,6 +22,15 @@ Perception everything(const Knowledge& knowledge) {
   return std::move(*made);
 }
 
+Perception for_people() {
+  std::string problem;
+  Annotators annotators = object_annotators({});
+  for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
+  auto made = Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}, .threads = 1}, problem);
+  EXPECT_TRUE(made) << problem;
+  return std::move(*made);
+}
+
 void add_block(Scene& scene, const char* name, const Vector3d& low, const Vector3d& high, cv::Vec3b colour) {
   Entity entity{.name = name, .size = high - low};
   entity.pose.translation() = (low + high) / 2;
@@ -131,20 +140,15 @@ TEST(RobotsArm, IsNoThingAndReachesOverTheTable) {
 
 TEST(People, HaveLabelsThatLastAndPlacesInTheWorld) {
   const auto sequence = make_sequence("people_crossing", {.width = 320, .height = 240});
-  std::string problem;
-  Annotators annotators = object_annotators({});
-  for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
-  auto perception =
-      Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}, .threads = 1}, problem);
-  ASSERT_TRUE(perception) << problem;
-  EXPECT_EQ(perception->annotators(),
+  Perception perception = for_people();
+  EXPECT_EQ(perception.annotators(),
             (std::vector<std::string>{"DepthPreprocessing", "RegionFilter", "HumanAnnotator"}));
   std::map<std::int32_t, std::set<std::int32_t>> labels;  // by the true person
   std::size_t seen = 0, postures = 0;
   for (std::size_t index = 0; index < 130; ++index) {
     const TrueFrame truth = sequence->frame(index);
     const Perceived perceived =
-        perception->perceive(truth.frame, sequence->calibration(), index, known_bodies(*sequence, index));
+        perception.perceive(truth.frame, sequence->calibration(), index, known_bodies(*sequence, index));
     for (const AnnotatorRun& run : perceived.runs) ASSERT_EQ(run.problem, "") << run.annotator;
     const auto* people = perceived.analysis.view<std::vector<Person>>("people");
     ASSERT_NE(people, nullptr);
@@ -176,14 +180,9 @@ TEST(People, HaveLabelsThatLastAndPlacesInTheWorld) {
 
 TEST(People, NobodyIsNobody) {
   const auto sequence = make_sequence("empty_room", {.width = 320, .height = 240});
-  std::string problem;
-  Annotators annotators = object_annotators({});
-  for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
-  auto perception =
-      Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}, .threads = 1}, problem);
-  ASSERT_TRUE(perception) << problem;
+  Perception perception = for_people();
   for (std::size_t index = 0; index < sequence->size(); ++index) {
-    const Perceived perceived = perception->perceive(sequence->frame(index).frame, sequence->calibration(), index);
+    const Perceived perceived = perception.perceive(sequence->frame(index).frame, sequence->calibration(), index);
     EXPECT_TRUE(annotations_of(perceived.scene.annotations, "sherlog.annotation.Person").empty());
   }
 }
