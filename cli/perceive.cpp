@@ -24,7 +24,7 @@ namespace sherlog::cli {
 namespace {
 
 struct PerceiveArguments {
-  std::string frames, query, store, prefix, map, known, evidence, record;
+  std::string frames, query, keys, store, prefix, map, known, evidence, record;
   std::string mapping = "robosherlock";
   std::vector<std::string> flow;
   std::optional<std::uint64_t> every;
@@ -85,16 +85,33 @@ Termination for_each_frame(Session& session, const PerceiveArguments& arguments,
   return Termination::kCompleted;
 }
 
+// The request, if there is one; false after saying what is wrong with it.
+bool read_request(Session& session, const PerceiveArguments& arguments, std::optional<rgbd::Request>& request) {
+  if (arguments.query.empty()) return true;
+  std::vector<rgbd::RequestKey> keys = rgbd::request_keys();
+  if (!arguments.keys.empty()) {
+    const TextFile file = load_text_file(arguments.keys);
+    std::string problem = file.problem;
+    auto parsed = file.text ? rgbd::parse_request_keys(*file.text, problem) : std::nullopt;
+    if (!parsed) return session.error(fmt::format("--keys '{}': {}", arguments.keys, problem)), false;
+    keys = std::move(*parsed);
+  }
+  std::string problem;
+  request = rgbd::parse_request(arguments.query, problem, keys);
+  if (!request) session.error(fmt::format("--query: {}", problem));
+  return request.has_value();
+}
+
 std::optional<rgbd::Perception> make_perception(Session& session, const PerceiveArguments& arguments,
-                                                const rgbd::Knowledge& knowledge, const std::string& name) {
+                                                const rgbd::Knowledge& knowledge, const std::string& name,
+                                                const std::optional<rgbd::Request>& request) {
   rgbd::PerceptionOptions options;
   options.threads = session.options().threads;
   options.log_times = !arguments.store.empty();
   options.prefix = arguments.prefix.empty() ? name + "-" : arguments.prefix;
   std::string problem;
-  if (!arguments.query.empty()) {
-    options.request = rgbd::parse_request(arguments.query, problem);
-    if (!options.request) return session.error(fmt::format("--query: {}", problem)), std::nullopt;
+  if (request) {
+    options.request = request;
     const std::vector<std::string> types = options.request->types();
     if (std::ranges::count(types, "rs.annotation.Classification") > 0 && knowledge.things.empty()) {
       session.error("--query: which classes of things there may be is not known; --known FILE says it");
@@ -244,11 +261,9 @@ bool keep_scene(const rgbd::Perceived& perceived, const PerceiveArguments& argum
 
 // The frames one by one; what the store takes is committed by the caller.
 Termination perceive_frames(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source,
-                            rgbd::Perception& perception, const std::optional<EvidenceMapping>& mapping,
-                            SceneStore* store, PerceiveTally& tally, std::string& failure) {
-  std::optional<rgbd::Request> request;
-  std::string problem;
-  if (!arguments.query.empty()) request = rgbd::parse_request(arguments.query, problem);
+                            rgbd::Perception& perception, const std::optional<rgbd::Request>& request,
+                            const std::optional<EvidenceMapping>& mapping, SceneStore* store, PerceiveTally& tally,
+                            std::string& failure) {
   std::optional<SceneTracker> tracker;
   if (request && request->verb == rgbd::Request::Verb::kTrack && !(tracker = thing_tracker(session)))
     return Termination::kRefused;
@@ -336,7 +351,8 @@ bool spares_recording(Session& session, const PerceiveArguments& arguments, cons
 }
 
 int perceive(Session& session, const PerceiveArguments& arguments) {
-  std::vector<std::string> outputs, inputs = {arguments.map, arguments.known, arguments.mapping, arguments.store};
+  std::vector<std::string> outputs,
+      inputs = {arguments.map, arguments.known, arguments.keys, arguments.mapping, arguments.store};
   if (!arguments.evidence.empty()) outputs.push_back(arguments.evidence);
   std::erase(inputs, "");
   if (!session.check_options(outputs, inputs)) return kBadInput;
@@ -359,7 +375,9 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
       !read_knowledge(session, "--known", arguments.known, rgbd::parse_known_things, source->knowledge.things)) {
     return kBadInput;
   }
-  auto perception = make_perception(session, arguments, source->knowledge, source->name);
+  std::optional<rgbd::Request> request;
+  if (!read_request(session, arguments, request)) return kBadInput;
+  auto perception = make_perception(session, arguments, source->knowledge, source->name, request);
   if (!perception) return kBadInput;
   std::optional<EvidenceMapping> mapping;
   if (!arguments.evidence.empty() && !(mapping = read_mapping(session, arguments.mapping))) return kBadInput;
@@ -373,8 +391,8 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   }
   PerceiveTally tally;
   std::string failure;
-  const Termination termination =
-      perceive_frames(session, arguments, *source, *perception, mapping, store ? &*store : nullptr, tally, failure);
+  const Termination termination = perceive_frames(session, arguments, *source, *perception, request, mapping,
+                                                  store ? &*store : nullptr, tally, failure);
   if (store && (termination == Termination::kRefused || !store->commit())) {
     if (failure.empty()) failure = store->problem();
     store->roll_back();
@@ -416,6 +434,11 @@ void add_perceive(CLI::App& app, Action& action) {
                        "Answer this in every frame, e.g. '{\"detect\": {\"shape\": \"box\"}}'; only what it needs runs")
           ->type_name("JSON")
           ->check(CLI::Validator([](std::string& text) { return text.empty() ? "it is empty" : ""; }, ""));
+  command
+      ->add_option("--keys", arguments->keys,
+                   "The keys of requests, as RoboSherlock's query_specifications.ini has them")
+      ->type_name("FILE")
+      ->needs(query);
   CLI::Option* store =
       command->add_option("--store", arguments->store, "Everything about every frame, as scenes for 'track resolve'")
           ->type_name("FILE");

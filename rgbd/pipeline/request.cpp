@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/property_tree/ini_parser.hpp>
+#include <boost/property_tree/ptree.hpp>
 #include <cctype>
 #include <iterator>
+#include <sstream>
 
 namespace sherlog::rgbd {
 namespace {
@@ -17,22 +20,21 @@ std::string lower(std::string_view text) {
   return result;
 }
 
-bool is_key(std::string_view key) {
-  return std::ranges::any_of(request_keys(), [&](const RequestKey& known) { return known.key == key; });
-}
+using Keys = std::vector<RequestKey>;
 
-std::string key_names() {
+std::string key_names(const Keys& keys) {
   std::vector<std::string_view> names;
-  for (const RequestKey& known : request_keys()) {
+  for (const RequestKey& known : keys) {
     if (std::ranges::find(names, known.key) == names.end()) names.push_back(known.key);
   }
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
-std::optional<Request::Condition> parse_condition(const std::string& key, const Value& value, std::string& problem) {
+std::optional<Request::Condition> parse_condition(const std::string& key, const Value& value, const Keys& keys,
+                                                  std::string& problem) {
   Request::Condition condition{key, {}};
-  if (!is_key(key)) {
-    return problem = fmt::format("a request has no key '{}'; there are {}", key, key_names()), std::nullopt;
+  if (std::ranges::find(keys, key, &RequestKey::key) == keys.end()) {
+    return problem = fmt::format("a request has no key '{}'; there are {}", key, key_names(keys)), std::nullopt;
   }
   const Value::List one = {value};
   for (const Value& item : value.list() == nullptr ? one : *value.list()) {
@@ -45,8 +47,8 @@ std::optional<Request::Condition> parse_condition(const std::string& key, const 
   return condition;
 }
 
-bool holds(const Request::Condition& condition, const Cluster& cluster) {
-  for (const RequestKey& known : request_keys()) {
+bool holds(const Request::Condition& condition, const Keys& keys, const Cluster& cluster) {
+  for (const RequestKey& known : keys) {
     if (known.key != condition.key) continue;
     for (const Annotation* annotation : annotations_of(cluster.annotations, known.type)) {
       for (const Value* value : select(annotation->fields, known.pointer)) {
@@ -56,6 +58,12 @@ bool holds(const Request::Condition& condition, const Cluster& cluster) {
     }
   }
   return false;
+}
+
+std::string trimmed(std::string_view text) {
+  constexpr std::string_view kBlanks = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  return first == text.npos ? "" : std::string(text.substr(first, text.find_last_not_of(kBlanks) - first + 1));
 }
 
 }  // namespace
@@ -74,21 +82,48 @@ const std::vector<RequestKey>& request_keys() {
   return kKeys;
 }
 
+std::optional<std::vector<RequestKey>> parse_request_keys(const std::string& text, std::string& problem) {
+  boost::property_tree::ptree document;
+  std::istringstream in(text);
+  try {
+    boost::property_tree::read_ini(in, document);
+  } catch (const boost::property_tree::ini_parser_error& error) {
+    return problem = fmt::format("line {}: {}", error.line(), error.message()), std::nullopt;
+  }
+  Keys keys;
+  for (const auto& [section, entries] : document) {
+    const auto location = entries.find("location");
+    if (location == entries.not_found()) continue;  // [keys], which says the types once more
+    std::istringstream alternatives(location->second.data());
+    for (std::string alternative; std::getline(alternatives, alternative, '|');) {
+      const std::string path = trimmed(alternative);
+      const std::size_t star = path.find("/*/");
+      if (!path.starts_with('/') || star == path.npos) {
+        problem = fmt::format("[{}]: '{}' is no place of the form /type/*/field", section, path);
+        return std::nullopt;
+      }
+      keys.push_back({section, path.substr(1, star - 1), path.substr(star + 2)});
+    }
+  }
+  if (keys.empty()) return problem = "there is no section with a 'location'", std::nullopt;
+  return keys;
+}
+
 std::vector<std::string> Request::types() const {
   std::vector<std::string> types;
   for (const Condition& condition : conditions) {
-    for (const RequestKey& known : request_keys()) {
-      if (known.key == condition.key) types.emplace_back(known.type);
+    for (const RequestKey& known : keys) {
+      if (known.key == condition.key) types.push_back(known.type);
     }
   }
   return types;
 }
 
 bool Request::accepts(const Cluster& cluster) const {
-  return std::ranges::all_of(conditions, [&](const Condition& condition) { return holds(condition, cluster); });
+  return std::ranges::all_of(conditions, [&](const Condition& condition) { return holds(condition, keys, cluster); });
 }
 
-std::optional<Request> parse_request(std::string_view text, std::string& problem) {
+std::optional<Request> parse_request(std::string_view text, std::string& problem, const Keys& keys) {
   const auto document = parse_json(text, problem);
   if (!document) return std::nullopt;
   const auto* verbs = document->object();
@@ -104,12 +139,13 @@ std::optional<Request> parse_request(std::string_view text, std::string& problem
     return problem = fmt::format("'{}' takes an object, not {}", verb, conditions.kind()), std::nullopt;
   }
   Request request;
+  request.keys = keys;
   request.verb = static_cast<Request::Verb>(known - std::begin(kVerbs));
   for (const auto& [key, value] : *conditions.object()) {
     if (request.verb == Request::Verb::kScan && key != "location") {
       return problem = fmt::format("'scan' takes a 'location' and no '{}'; 'inspect' takes it", key), std::nullopt;
     }
-    auto condition = parse_condition(key, value, problem);
+    auto condition = parse_condition(key, value, keys, problem);
     if (!condition) return std::nullopt;
     request.conditions.push_back(std::move(*condition));
   }

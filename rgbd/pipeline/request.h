@@ -20,12 +20,14 @@
 
 namespace sherlog::rgbd {
 
-// A key of requests: the types that it is about, separated by blanks, and the fields of each.
-// To add one: a line in request.cpp.
+// A key of requests: a type of annotations that it is about, and the field. A key may have several of these.
 struct RequestKey {
-  std::string_view key, type, pointer;
+  std::string key, type, pointer;
 };
 const std::vector<RequestKey>& request_keys();
+// RoboSherlock's query_specifications.ini: a section for each key, in it location=/rs.annotation.Shape/*/shape, alternatives
+// with | between them. Nothing, and a sentence, where it is something else or says nothing.
+std::optional<std::vector<RequestKey>> parse_request_keys(const std::string& text, std::string& problem);
 
 struct Request {
   struct Condition {
@@ -34,6 +36,7 @@ struct Request {
   };
   enum class Verb : std::uint8_t { kDetect, kInspect, kScan, kTrack };
   Verb verb = Verb::kDetect;
+  std::vector<RequestKey> keys;  // that there are
   std::vector<Condition> conditions;
 
   // Following a thing takes all of its looks.
@@ -43,7 +46,8 @@ struct Request {
   bool accepts(const Cluster& cluster) const;
 };
 
-std::optional<Request> parse_request(std::string_view text, std::string& problem);
+std::optional<Request> parse_request(std::string_view text, std::string& problem,
+                                     const std::vector<RequestKey>& keys = request_keys());
 
 // The designators that answer, as RoboSherlock writes them: one object for each thing.
 Value answer_to(const Request& request, const sherlog::Scene& scene);

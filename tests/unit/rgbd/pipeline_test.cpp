@@ -300,6 +300,28 @@ TEST(Knowledge, IsReadOrRefusedWithASentence) {
   EXPECT_NE(problem.find("thing 1"), std::string::npos) << problem;
 }
 
+TEST(RequestKeys, AreReadFromAnIniFile) {
+  std::string problem;
+  const auto keys = parse_request_keys(
+      "[keys]\nshape=rs.annotation.Shape\n\n[form]\nlocation=/rs.annotation.Shape/*/shape\n"
+      "[kind]\nlocation=/rs.annotation.Classification/*/classname | /rs.annotation.Detection/*/name\n",
+      problem);
+  ASSERT_TRUE(keys) << problem;
+  ASSERT_EQ(keys->size(), 3u);
+  EXPECT_EQ((*keys)[2].key, "kind");
+  EXPECT_EQ((*keys)[2].type, "rs.annotation.Detection");
+  EXPECT_EQ((*keys)[2].pointer, "/name");
+  const auto request = parse_request(R"({"detect": {"form": "box"}})", problem, *keys);
+  ASSERT_TRUE(request) << problem;
+  EXPECT_EQ(request->types(), (std::vector<std::string>{"rs.annotation.Shape"}));
+  EXPECT_FALSE(parse_request(R"({"detect": {"shape": "box"}})", problem, *keys));
+  EXPECT_NE(problem.find("form, kind"), std::string::npos) << problem;
+  for (const char* text : {"", "[a]\nb=c\n", "[a]\nlocation=shape\n", "no section\n"}) {
+    EXPECT_FALSE(parse_request_keys(text, problem)) << text;
+    EXPECT_NE(problem, "");
+  }
+}
+
 // --- the object annotators on synthetic frames
 
 class KitchenTable : public testing::Test {
