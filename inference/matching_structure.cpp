@@ -5,15 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <span>
 #include <unordered_map>
 #include <utility>
 
 namespace sherlog {
 namespace {
 
-constexpr std::uint32_t kMaxAnchors = 16384;   // a byte for each two of them
-constexpr std::uint32_t kMaxValues = 11;       // on-values of an anchor: their pairs are counted in seven bits
-constexpr std::uint8_t kStatedAtOnce = 0x80;   // a clause with a positive literal excludes several values in one go
+constexpr std::uint32_t kMaxAnchors = 1u << 18;
+constexpr std::uint32_t kMaxValues = 11;       // on-values of an anchor
 constexpr double kMaxClusterValues = 1 << 14;  // joint values that a cluster may have, times the states of its row
 constexpr std::uint8_t kMaxBits = 64;          // disjunctions over the cells of one row
 
@@ -120,10 +120,32 @@ class Finder {
     return true;
   }
 
-  std::uint8_t& count(std::uint32_t a, std::uint32_t b) { return counts_[std::size_t{a} * out_.cells.size() + b]; }
+  // In how many values two cells exclude each other; 0: not at all.
+  std::uint32_t count(std::uint32_t a, std::uint32_t b) const {
+    const std::span<const Neighbour> all(neighbours_);
+    const auto around = all.subspan(start_[a], start_[a + 1] - start_[a]);
+    const auto found = std::ranges::lower_bound(around, b, {}, &Neighbour::cell);
+    return found == around.end() || found->cell != b ? 0 : found->count;
+  }
 
+  void add_common_neighbours(std::uint32_t a, std::uint32_t b, std::vector<std::uint32_t>& common) const {
+    std::uint32_t i = start_[a], j = start_[b];
+    while (i < start_[a + 1] && j < start_[b + 1]) {
+      const std::uint32_t x = neighbours_[i].cell, y = neighbours_[j].cell;
+      if (x == y) common.push_back(x);
+      i += x <= y ? 1U : 0U;
+      j += y <= x ? 1U : 0U;
+    }
+  }
+
+  // Both ways, sorted by cells.
   bool count_exclusions() {
-    counts_.assign(out_.cells.size() * out_.cells.size(), 0);
+    struct Stated {
+      std::uint32_t a, b, count;
+      bool at_once;  // a clause with a positive literal excludes several values in one go
+    };
+    std::vector<Stated> stated;
+    stated.reserve(2 * exclusions_.size());
     for (const Exclusion& e : exclusions_) {
       const std::uint32_t a = cell_of(e.a), b = cell_of(e.b);
       std::uint32_t values_a = 0, values_b = 0;
@@ -131,13 +153,28 @@ class Finder {
       for_each_excluded(e.b, [&](std::uint32_t) { ++values_b; });
       if (values_a * values_b == 0) continue;
       const bool at_once = !e.a.negated() || !e.b.negated();
-      const std::uint8_t before = count(a, b);
-      if ((before & kStatedAtOnce) != 0 || (at_once && before != 0)) {
-        return refuse(fmt::format("{} and {} exclude each other in several ways", name(a), name(b)));
-      }
-      const std::uint32_t sum = before + values_a * values_b;
-      count(a, b) = count(b, a) = static_cast<std::uint8_t>(sum | (at_once ? kStatedAtOnce : 0));
+      stated.push_back({a, b, values_a * values_b, at_once});
+      stated.push_back({b, a, values_a * values_b, at_once});
     }
+    std::ranges::sort(stated, {}, [](const Stated& s) { return std::uint64_t{s.a} << 32 | s.b; });
+    start_.assign(out_.cells.size() + 1, 0);
+    for (std::size_t i = 0; i < stated.size();) {
+      const Stated& first = stated[i];
+      std::uint32_t sum = 0;
+      bool at_once = false;
+      std::size_t end = i;
+      for (; end < stated.size() && stated[end].a == first.a && stated[end].b == first.b; ++end) {
+        sum += stated[end].count;
+        at_once = at_once || stated[end].at_once;
+      }
+      if (at_once && end - i > 1) {
+        return refuse(fmt::format("{} and {} exclude each other in several ways", name(first.a), name(first.b)));
+      }
+      neighbours_.push_back({first.b, sum});
+      ++start_[first.a + 1];
+      i = end;
+    }
+    for (std::size_t a = 0; a < out_.cells.size(); ++a) start_[a + 1] += start_[a];
     return true;
   }
 
@@ -149,14 +186,12 @@ class Finder {
     const auto cells = static_cast<std::uint32_t>(out_.cells.size());
     groups_of_.assign(cells, {kNoGroup, kNoGroup});
     for (std::uint32_t a = 0; a < cells; ++a) {
-      for (std::uint32_t b = a + 1; b < cells; ++b) {
-        if (count(a, b) == 0 || share_group(a, b)) continue;
+      for (std::uint32_t at = start_[a]; at < start_[a + 1]; ++at) {
+        const std::uint32_t b = neighbours_[at].cell;
+        if (b < a || share_group(a, b)) continue;
         MatchingGroup group;
         group.cells = {a, b};
-        for (std::uint32_t x = 0; x < cells; ++x) {
-          if (x != a && x != b && count(a, x) != 0 && count(b, x) != 0) group.cells.push_back(x);
-        }
-        std::ranges::sort(group.cells);
+        add_common_neighbours(a, b, group.cells);
         if (!add_group(std::move(group))) return false;
       }
     }
@@ -177,7 +212,7 @@ class Finder {
       if (mine[1] != kNoGroup) return refuse(fmt::format("{} excludes variables of more than two groups", name(a)));
       mine[mine[0] == kNoGroup ? 0 : 1] = number;
       for (std::uint32_t b : group.cells) {
-        if (a < b && (count(a, b) & ~kStatedAtOnce) != static_cast<int>(on_count_[a] * on_count_[b])) {
+        if (a < b && count(a, b) != on_count_[a] * on_count_[b]) {
           return refuse(fmt::format("{} and {} do not exclude each other in all their values", name(a), name(b)));
         }
       }
@@ -427,8 +462,12 @@ class Finder {
   std::vector<bool> is_exclusion_;                               // by position in component_constraints
   std::unordered_map<std::uint32_t, std::vector<bool>> denied_;  // by variable
   std::vector<std::uint32_t> on_count_;                          // by cell
-  std::vector<std::uint8_t> counts_;                             // by two cells: excluded pairs of values
-  std::vector<std::array<std::uint32_t, 2>> groups_of_;          // by cell
+  struct Neighbour {
+    std::uint32_t cell, count;  // excluded pairs of values
+  };
+  std::vector<Neighbour> neighbours_;                    // cell by cell, sorted
+  std::vector<std::uint32_t> start_;                     // by cell
+  std::vector<std::array<std::uint32_t, 2>> groups_of_;  // by cell
   std::vector<std::uint32_t> parent_, cluster_at_, visited_;
   std::uint32_t visit_ = 0;
   using Masks = std::vector<std::uint64_t>;  // by value
