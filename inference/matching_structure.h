@@ -11,7 +11,7 @@
 //           is a weighted matching: a cell weighs, summed over its on-values, the sum of its cluster times what the states
 //           of its row and column weigh, each relative to nothing being on.
 //           Nothing here knows predicates or names; what does not fit is refused with a reason.
-// Cost      O(anchors^2 + clauses); at most 4096 anchors
+// Cost      O(clauses log clauses + squares of the groups); at most 2^18 anchors
 #pragma once
 
 #include <cstdint>
