@@ -6,37 +6,19 @@ namespace sherlog {
 namespace {
 
 constexpr std::size_t kMaxExcludedValues = 16;  // a positive literal excludes all other values of its variable
-constexpr std::uint64_t kMaxSteps = 100'000'000;
-
-struct Edge {
-  std::uint32_t a, b;  // nodes
-  std::uint32_t constraint;
-};
-
-// The values under which the literal is false.
-void excluded_values(const GroundNetwork& network, Literal literal, std::vector<VariableValue>& out) {
-  const VariableId variable = network.variable_of(literal.atom());
-  const std::uint32_t value = network.value_of(literal.atom());
-  out.clear();
-  if (literal.negated()) {
-    out.push_back({variable, value});
-    return;
-  }
-  for (std::uint32_t k = 0; k < network.value_count(variable); ++k) {
-    if (k != value) out.push_back({variable, k});
-  }
-}
+constexpr std::uint64_t kLeastSteps = 100'000'000, kStepsPerEdge = 16;  // then no more groups are looked for
+constexpr std::size_t kConstraintsPerStopCheck = 1 << 16;
 
 class CliqueCover {
  public:
-  CliqueCover(const GroundNetwork& network, std::span<const std::uint32_t> constraints) {
-    collect(network, constraints);
-    build_adjacency();
-  }
+  CliqueCover(const GroundNetwork& network, std::span<const std::uint32_t> constraints, const StopCondition* stop)
+      : network_(network), constraints_(constraints), stop_(stop) {}
 
   AtMostOne run() {
     AtMostOne out;
-    for (std::uint32_t a = 0; a + 1 < start_.size() && steps_ < kMaxSteps; ++a) {
+    if (!number_nodes() || !build_adjacency()) return out;
+    const std::uint64_t most_steps = kLeastSteps + kStepsPerEdge * neighbour_.size();
+    for (std::uint32_t a = 0; a + 1 < start_.size() && steps_ < most_steps && !stopped(); ++a) {
       for (std::uint32_t i = start_[a]; i < start_[a + 1]; ++i) {
         if (neighbour_[i] < a || covered_[i] != 0) continue;
         grow(a, neighbour_[i]);
@@ -45,18 +27,21 @@ class CliqueCover {
           continue;
         }
         std::vector<VariableValue> group;
-        for (const std::uint32_t node : clique_) group.push_back(nodes_[node]);
+        for (const std::uint32_t node : clique_) {
+          group.push_back(nodes_[node]);
+          groups_of_[node].push_back(static_cast<std::uint32_t>(out.groups.size()));
+        }
         out.groups.push_back(std::move(group));
       }
     }
     // A constraint is implied once all its edges are.
-    std::vector<std::uint32_t> open;
-    for (const Edge& edge : edges_) {
-      if (covered_[find(edge.a, edge.b)] != 1) open.push_back(edge.constraint);
-    }
-    std::sort(open.begin(), open.end());
-    for (const Edge& edge : edges_) {
-      if (!std::binary_search(open.begin(), open.end(), edge.constraint)) out.covered.push_back(edge.constraint);
+    std::vector<bool> open(constraints_.size(), true);
+    for_each_constraint([&](std::size_t c) {
+      open[c] = false;
+      for_each_edge([&](std::uint32_t x, std::uint32_t y) { open[c] = open[c] || !in_one_group(x, y); });
+    });
+    for (std::size_t c = 0; c < open.size(); ++c) {
+      if (!open[c]) out.covered.push_back(constraints_[c]);
     }
     std::sort(out.covered.begin(), out.covered.end());
     out.covered.erase(std::unique(out.covered.begin(), out.covered.end()), out.covered.end());
@@ -64,61 +49,108 @@ class CliqueCover {
   }
 
  private:
-  void collect(const GroundNetwork& network, std::span<const std::uint32_t> constraints) {
-    struct Pair {
-      VariableValue a, b;
-      std::uint32_t constraint;
-    };
-    std::vector<Pair> pairs;
-    std::vector<VariableValue> left, right;
-    for (const std::uint32_t c : constraints) {
-      const Literal root = network.constraints()[c].literal;
-      if (!root.is_gate() || root.negated() || network.gate_kind(root.gate()) != GateKind::kOr) continue;
-      const auto inputs = network.gate_inputs(root.gate());
+  bool stopped() const { return stop_ != nullptr && stop_->reached(); }
+
+  // Calls `visit` for each constraint that excludes pairs of values; left_ and right_ are these values as slots.
+  // False: stopped.
+  template <class Visit>
+  bool for_each_constraint(Visit visit) {
+    for (std::size_t i = 0; i < constraints_.size(); ++i) {
+      if (i % kConstraintsPerStopCheck == 0 && stopped()) return false;
+      const Literal root = network_.constraints()[constraints_[i]].literal;
+      if (!root.is_gate() || root.negated() || network_.gate_kind(root.gate()) != GateKind::kOr) continue;
+      const auto inputs = network_.gate_inputs(root.gate());
       if (inputs.size() != 2 || !inputs[0].is_atom() || !inputs[1].is_atom()) continue;
-      if (network.variable_of(inputs[0].atom()) == network.variable_of(inputs[1].atom())) continue;
-      excluded_values(network, inputs[0], left);
-      excluded_values(network, inputs[1], right);
-      if (left.size() > kMaxExcludedValues || right.size() > kMaxExcludedValues) continue;
-      for (const auto& a : left) {
-        for (const auto& b : right) {
-          pairs.push_back({a, b, c});
-          nodes_.push_back(a);
-          nodes_.push_back(b);
-        }
+      if (network_.variable_of(inputs[0].atom()) == network_.variable_of(inputs[1].atom())) continue;
+      if (excluded_values(inputs[0], left_) && excluded_values(inputs[1], right_)) visit(i);
+    }
+    return true;
+  }
+
+  // Slots of the values under which the literal is false. False: too many.
+  bool excluded_values(Literal literal, std::vector<std::uint32_t>& out) const {
+    const VariableId variable = network_.variable_of(literal.atom());
+    const std::uint32_t value = network_.value_of(literal.atom()), slot = first_slot_[variable.index()];
+    out.clear();
+    if (literal.negated()) {
+      out.push_back(slot + value);
+      return true;
+    }
+    if (network_.value_count(variable) > kMaxExcludedValues + 1) return false;
+    for (std::uint32_t k = 0; k < network_.value_count(variable); ++k) {
+      if (k != value) out.push_back(slot + k);
+    }
+    return true;
+  }
+
+  template <class Visit>
+  void for_each_edge(Visit visit) const {
+    for (const std::uint32_t x : left_) {
+      for (const std::uint32_t y : right_) visit(node_of_[x], node_of_[y]);
+    }
+  }
+
+  // Values that some constraint excludes, in the order of variables and values.
+  bool number_nodes() {
+    first_slot_.assign(network_.variable_count() + 1, 0);
+    for (std::size_t v = 0; v < network_.variable_count(); ++v)
+      first_slot_[v + 1] = first_slot_[v] + network_.value_count(VariableId(v));
+    node_of_.assign(first_slot_.back(), 0);
+    const bool all = for_each_constraint([&](std::size_t) {
+      for (const std::uint32_t slot : left_) node_of_[slot] = 1;
+      for (const std::uint32_t slot : right_) node_of_[slot] = 1;
+    });
+    if (!all) return false;
+    for (std::size_t v = 0; v < network_.variable_count(); ++v) {
+      for (std::uint32_t slot = first_slot_[v]; slot < first_slot_[v + 1]; ++slot) {
+        if (node_of_[slot] == 0) continue;
+        node_of_[slot] = static_cast<std::uint32_t>(nodes_.size());
+        nodes_.push_back({VariableId(v), slot - first_slot_[v]});
       }
     }
-    std::sort(nodes_.begin(), nodes_.end());
-    nodes_.erase(std::unique(nodes_.begin(), nodes_.end()), nodes_.end());
-    const auto number = [&](const VariableValue& x) {
-      return static_cast<std::uint32_t>(std::lower_bound(nodes_.begin(), nodes_.end(), x) - nodes_.begin());
-    };
-    edges_.reserve(pairs.size());
-    for (const Pair& pair : pairs) edges_.push_back({number(pair.a), number(pair.b), pair.constraint});
+    groups_of_.resize(nodes_.size());
+    return true;
   }
 
-  void build_adjacency() {
-    std::vector<std::uint64_t> both;
-    both.reserve(edges_.size() * 2);
-    for (const Edge& edge : edges_) {
-      both.push_back(std::uint64_t{edge.a} << 32 | edge.b);
-      both.push_back(std::uint64_t{edge.b} << 32 | edge.a);
+  // Neighbours of each node, sorted: written down as they come, and then, node by node, into the lists of their neighbours.
+  bool build_adjacency() {
+    std::vector<std::size_t> begin(nodes_.size() + 1, 0);
+    const auto count = [&](std::uint32_t x, std::uint32_t y) { ++begin[x + 1], ++begin[y + 1]; };
+    if (!for_each_constraint([&](std::size_t) { for_each_edge(count); })) return false;
+    for (std::size_t i = 1; i < begin.size(); ++i) begin[i] += begin[i - 1];
+    if (begin.back() >= kTooMany) return false;
+    std::vector<std::uint32_t> unsorted(begin.back());
+    std::vector<std::size_t> end(begin.begin(), begin.end() - 1);
+    const auto write = [&](std::uint32_t x, std::uint32_t y) { unsorted[end[x]++] = y, unsorted[end[y]++] = x; };
+    if (!for_each_constraint([&](std::size_t) { for_each_edge(write); })) return false;
+    std::vector<std::uint32_t> sorted(begin.back());
+    end.assign(begin.begin(), begin.end() - 1);
+    for (std::uint32_t x = 0; x < nodes_.size(); ++x) {
+      for (std::size_t i = begin[x]; i < begin[x + 1]; ++i) {
+        const std::uint32_t y = unsorted[i];
+        if (end[y] == begin[y] || sorted[end[y] - 1] != x) sorted[end[y]++] = x;  // two constraints may say the same
+      }
     }
-    std::sort(both.begin(), both.end());
-    both.erase(std::unique(both.begin(), both.end()), both.end());
+    unsorted = {};
     start_.assign(nodes_.size() + 1, 0);
-    neighbour_.reserve(both.size());
-    for (const std::uint64_t pair : both) {
-      ++start_[(pair >> 32) + 1];
-      neighbour_.push_back(static_cast<std::uint32_t>(pair));
+    for (std::uint32_t x = 0; x < nodes_.size(); ++x) {
+      const auto from = sorted.begin() + static_cast<std::ptrdiff_t>(begin[x]);
+      std::copy(from, sorted.begin() + static_cast<std::ptrdiff_t>(end[x]), sorted.begin() + start_[x]);
+      start_[x + 1] = start_[x] + static_cast<std::uint32_t>(end[x] - begin[x]);
     }
-    for (std::size_t i = 1; i < start_.size(); ++i) start_[i] += start_[i - 1];
-    covered_.assign(both.size(), 0);
+    sorted.resize(start_.back());
+    neighbour_ = std::move(sorted);
+    covered_.assign(neighbour_.size(), 0);
+    return true;
   }
 
-  std::uint32_t find(std::uint32_t a, std::uint32_t b) const {
-    const auto begin = neighbour_.begin() + start_[a], end = neighbour_.begin() + start_[a + 1];
-    return static_cast<std::uint32_t>(std::lower_bound(begin, end, b) - neighbour_.begin());
+  bool in_one_group(std::uint32_t x, std::uint32_t y) const {
+    const auto &a = groups_of_[x], &b = groups_of_[y];
+    for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
+      if (a[i] == b[j]) return true;
+      a[i] < b[j] ? ++i : ++j;
+    }
+    return false;
   }
 
   bool siblings(std::uint32_t a, std::uint32_t b) const { return nodes_[a].variable == nodes_[b].variable; }
@@ -159,14 +191,15 @@ class CliqueCover {
   // Marks the clique's edges; returns how many were not covered before. Nothing is marked where that is fewer than two.
   std::size_t mark_covered() {
     fresh_.clear();
-    for (std::size_t i = 0; i < clique_.size(); ++i) {
-      for (std::size_t j = 0; j < clique_.size(); ++j) {
-        if (i == j || siblings(clique_[i], clique_[j])) continue;
-        const std::uint32_t e = find(clique_[i], clique_[j]);
-        if (covered_[e] != 1) fresh_.push_back(e);
+    for (const std::uint32_t node : clique_) {
+      std::size_t j = 0;
+      for (std::uint32_t i = start_[node]; i < start_[node + 1] && j < clique_.size(); ++i) {
+        while (j < clique_.size() && clique_[j] < neighbour_[i]) ++j;
+        if (j < clique_.size() && clique_[j] == neighbour_[i] && covered_[i] != 1 && !siblings(node, clique_[j]))
+          fresh_.push_back(i);
       }
+      steps_ += start_[node + 1] - start_[node];
     }
-    steps_ += clique_.size() * clique_.size();
     const std::size_t count = fresh_.size() / 2;
     if (count >= 2) {
       for (const std::uint32_t e : fresh_) covered_[e] = 1;
@@ -174,8 +207,15 @@ class CliqueCover {
     return count;
   }
 
-  std::vector<VariableValue> nodes_;  // sorted
-  std::vector<Edge> edges_;
+  static constexpr std::size_t kTooMany = 0xffffffffu;
+
+  const GroundNetwork& network_;
+  std::span<const std::uint32_t> constraints_;
+  const StopCondition* stop_;
+  std::vector<std::uint32_t> first_slot_, node_of_;  // by variable: of its values; by slot
+  std::vector<std::uint32_t> left_, right_;          // of the constraint at hand
+  std::vector<VariableValue> nodes_;                 // sorted
+  std::vector<std::vector<std::uint32_t>> groups_of_;
   std::vector<std::uint32_t> start_, neighbour_;  // sorted adjacency
   std::vector<std::uint8_t> covered_;             // by position in neighbour_: 0 no, 1 yes, 2 tried in vain
   std::vector<std::uint32_t> candidates_, clique_, fresh_;
@@ -184,8 +224,9 @@ class CliqueCover {
 
 }  // namespace
 
-AtMostOne find_at_most_one(const GroundNetwork& network, std::span<const std::uint32_t> constraints) {
-  return CliqueCover(network, constraints).run();
+AtMostOne find_at_most_one(const GroundNetwork& network, std::span<const std::uint32_t> constraints,
+                           const StopCondition* stop) {
+  return CliqueCover(network, constraints, stop).run();
 }
 
 GroundNetwork fold_at_most_one(const GroundNetwork& network, const AtMostOne& found) {

@@ -5,7 +5,8 @@
 //           is one constraint "at most one", which a chain, a sampler's move or a linear inequality states in linear
 //           size. Cliques are grown greedily from edges not covered so far.
 // Source    Biere et al., "Detecting cardinality constraints in CNF", SAT 2014 (there on clauses, greedily as well).
-// Cost      O(sum over groups of literals x neighbours); it stops looking after a fixed number of steps.
+// Cost      O(sum over groups of literals x neighbours); it stops looking after a number of steps linear in the edges. Two times four
+//           bytes for each end of an edge.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "grounding/network.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
@@ -27,9 +29,12 @@ struct AtMostOne {
   std::vector<std::uint32_t> covered;              // constraints (indices) that the groups imply, sorted
 };
 
-AtMostOne find_at_most_one(const GroundNetwork& network, std::span<const std::uint32_t> constraints);
-inline AtMostOne find_at_most_one(const GroundNetwork& network, ComponentId component) {
-  return find_at_most_one(network, network.component_constraints(component));
+// `stop`: where it says so, the groups found until then.
+AtMostOne find_at_most_one(const GroundNetwork& network, std::span<const std::uint32_t> constraints,
+                           const StopCondition* stop = nullptr);
+inline AtMostOne find_at_most_one(const GroundNetwork& network, ComponentId component,
+                                  const StopCondition* stop = nullptr) {
+  return find_at_most_one(network, network.component_constraints(component), stop);
 }
 
 // The same distribution with the covered constraints replaced by one at-most-one gate for each group. Atoms, variables, features and

@@ -44,7 +44,7 @@ double search_bytes(const FactorGraph& graph) { return 4.0 * static_cast<double>
 
 bool to_be_searched(const PreparedComponent& prepared, const InferenceOptions& options) {
   const FactorGraph& graph = prepared.graph;
-  return graph.possible && !graph.too_large && !narrow_enough(prepared, options) &&
+  return graph.possible && !graph.too_large && !graph.stopped && !narrow_enough(prepared, options) &&
          graph.cardinalities.size() <= kSearchedVariables &&
          search_bytes(graph) <= static_cast<double>(options.max_memory);
 }
@@ -127,8 +127,16 @@ class ExactRun {
   Answer answer(ComponentId component) {
     Answer out;
     out.started = true;
-    const PreparedComponent prepared = prepare_component(context_.network, component, context_.options,
-                                                         {context_.atom_bias, !for_map_, context_.options.max_memory});
+    FactorGraphOptions compilation;
+    compilation.atom_bias = context_.atom_bias;
+    compilation.with_queries = !for_map_;
+    compilation.max_bytes = context_.options.max_memory;
+    compilation.stop = &context_.stop;
+    const PreparedComponent prepared = prepare_component(context_.network, component, context_.options, compilation);
+    if (context_.stop.reached()) {
+      out.termination = context_.stop.reason();
+      return out;
+    }
     if (!prepared.graph.possible) {
       return impossible(prepared.graph.conflict);
     }
@@ -320,23 +328,30 @@ MethodResult run_exact(const MethodContext& context) { return ExactRun(context, 
 
 MethodResult run_exact_map(const MethodContext& context) { return ExactRun(context, true).run(); }
 
-ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options) {
-  const PreparedComponent prepared = prepare_component(network, component, options, {{}, true, options.max_memory});
+ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
+                     const StopCondition& stop) {
+  FactorGraphOptions compilation;
+  compilation.max_bytes = options.max_memory;
+  compilation.stop = &stop;
+  const PreparedComponent prepared = prepare_component(network, component, options, compilation);
   ExactCost cost;
   cost.possible = prepared.graph.possible;
   cost.largest_log2 = prepared.order.largest_log2;
   cost.total_log2 = prepared.order.total_log2;
   cost.bytes = std::max(prepared.bytes, static_cast<double>(prepared.graph.table_bytes));
-  cost.feasible = cost.possible && !prepared.graph.too_large && narrow_enough(prepared, options) &&
-                  cost.bytes <= static_cast<double>(options.max_memory);
+  cost.feasible = cost.possible && !prepared.graph.too_large && !prepared.graph.stopped &&
+                  narrow_enough(prepared, options) && cost.bytes <= static_cast<double>(options.max_memory);
   return cost;
 }
 
 bool search_is_cheap(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
                      std::span<const double> atom_bias, const StopCondition& stop) {
   if (network.component_variables(component).size() > kSearchedVariables) return false;
-  const PreparedComponent prepared =
-      prepare_component(network, component, options, {atom_bias, true, options.max_memory});
+  FactorGraphOptions compilation;
+  compilation.atom_bias = atom_bias;
+  compilation.max_bytes = options.max_memory;
+  compilation.stop = &stop;
+  const PreparedComponent prepared = prepare_component(network, component, options, compilation);
   return to_be_searched(prepared, options) &&
          bounded_search(prepared.graph, kCheapSearchSteps, options.search_gap, stop).termination ==
              Termination::kCompleted;

@@ -34,7 +34,8 @@ struct ExactCost {
 };
 // Elimination is preferred to sampling where it touches at most this many table entries (log2), some tenths of a second.
 inline constexpr double kQuickLog2 = 24.0;
-ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options);
+ExactCost exact_cost(const GroundNetwork& network, ComponentId component, const InferenceOptions& options,
+                     const StopCondition& stop);
 
 // Bounded search answers the component within about a tenth of a second: found out by trying. For components that are
 // not `feasible`.

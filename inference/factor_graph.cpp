@@ -37,12 +37,13 @@ class Compiler {
     }
     bind_variables();
     collect_gates();
-    add_groups();
-    collect_roots();
+    if (!stopped()) add_groups();
+    if (!stopped()) collect_roots();
     for (const Root& root : roots_) {
-      if (graph_.table_bytes > options_.max_bytes) break;
+      if (graph_.table_bytes > options_.max_bytes || out_of_time()) break;
       add_root(root);
     }
+    if (stopped()) return std::move(graph_);
     if (options_.with_queries) {
       for (const std::uint32_t q : network_.component_queries(component_)) {
         graph_.queries.push_back(test_of(network_.queries()[q].literal));
@@ -54,6 +55,12 @@ class Compiler {
   }
 
  private:
+  static constexpr std::uint32_t kFormulasPerStopCheck = 4096;
+
+  bool stopped() { return graph_.stopped = graph_.stopped || (options_.stop != nullptr && options_.stop->reached()); }
+  // Asks the clock now and then.
+  bool out_of_time() { return ++since_check_ % kFormulasPerStopCheck == 0 && stopped(); }
+
   // --- variables
 
   void bind_variables() {
@@ -124,15 +131,17 @@ class Compiler {
       for (const std::uint32_t q : network_.component_queries(component_)) push(network_.queries()[q].literal);
     }
     std::vector<std::uint32_t> ids;
-    while (!stack.empty()) {
+    while (!stack.empty() && !out_of_time()) {
       const std::uint32_t g = stack.back();
       stack.pop_back();
       ids.push_back(g);
       for (const Literal input : network_.gate_inputs(GateId(g))) push(input);
     }
+    if (stopped()) return;
     std::sort(ids.begin(), ids.end());  // inputs before gates
     gates_.reserve(ids.size());
     for (const std::uint32_t g : ids) {
+      if (out_of_time()) return;
       local_gate_[g] = static_cast<std::uint32_t>(gates_.size());
       GateInfo info;
       info.id = GateId(g);
@@ -558,7 +567,7 @@ class Compiler {
   };
 
   void add_groups() {
-    const AtMostOne found = find_at_most_one(network_, component_);
+    const AtMostOne found = find_at_most_one(network_, component_, options_.stop);
     for (const std::uint32_t c : found.covered)
       covered_gates_.push_back(network_.constraints()[c].literal.gate().value);
     std::sort(covered_gates_.begin(), covered_gates_.end());
@@ -578,7 +587,7 @@ class Compiler {
       std::stable_partition(tests.begin(), tests.end(), [](const ValueTest& test) { return test.is_constant(); });
       groups_.push_back({std::move(tests), {}});
     }
-    for (std::uint32_t g = 0; g < groups_.size(); ++g) {
+    for (std::uint32_t g = 0; g < groups_.size() && !out_of_time(); ++g) {
       Group& group = groups_[g];
       if (group.tests.size() < 2) continue;
       group.any = builder_.chain(group.tests, true);
@@ -599,6 +608,7 @@ class Compiler {
   std::vector<Group> groups_;
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_starting_at_;
   std::vector<std::uint32_t> covered_gates_;
+  std::uint32_t since_check_ = 0;
 };
 
 }  // namespace

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "grounding/network.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
@@ -54,6 +55,7 @@ struct FactorGraph {
   bool possible = true;                            // false: propagation alone found a contradiction
   std::vector<std::uint32_t> conflict;             // then: constraints that take part in it
   bool too_large = false;                          // the tables alone exceed the memory limit
+  bool stopped = false;                            // not finished: FactorGraphOptions::stop said so
   double constant = 0.0;                           // log: what is decided
   std::vector<std::uint32_t> cardinalities;        // network variables first, auxiliary ones behind
   std::vector<std::uint32_t> sweep;                // all variables, each where the network's order last needs it
@@ -76,6 +78,7 @@ struct FactorGraphOptions {
   // Features add no weight, neither to tables nor to `constant`; FactorGraph::features says where they would. For those
   // who change weights and keep the rest.
   bool keep_features = false;
+  const StopCondition* stop = nullptr;  // asked every few thousand formulas
 };
 
 FactorGraph compile_factor_graph(const GroundNetwork& network, ComponentId component,

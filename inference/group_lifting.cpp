@@ -17,7 +17,8 @@ constexpr std::size_t kFewestClauses = 4;
 
 class Lifting {
  public:
-  explicit Lifting(const GroundNetwork& network) : network_(network), weight_(network.gate_count(), 0.0) {
+  Lifting(const GroundNetwork& network, const StopCondition* stop)
+      : network_(network), stop_(stop), weight_(network.gate_count(), 0.0) {
     for (const Feature& f : network.features()) {
       if (f.literal.is_gate()) weight_[f.literal.gate().index()] += f.weight;
     }
@@ -60,7 +61,7 @@ class Lifting {
   void find_groups() {
     std::vector<std::uint32_t> all(network_.constraints().size());
     std::iota(all.begin(), all.end(), 0u);
-    const AtMostOne found = find_at_most_one(network_, all);
+    const AtMostOne found = find_at_most_one(network_, all, stop_);
     for (std::uint32_t group = 0; group < found.groups.size(); ++group) {
       for (const VariableValue& v : found.groups[group]) {
         const AtomId first = network_.first_atom(v.variable);
@@ -167,6 +168,7 @@ class Lifting {
   }
 
   const GroundNetwork& network_;
+  const StopCondition* stop_;
   std::vector<double> weight_;                                               // by gate; 0 once lifted
   std::unordered_map<std::uint32_t, std::vector<std::uint32_t>> groups_of_;  // by literal code
   std::map<Key, std::vector<Clause>> buckets_;
@@ -176,6 +178,8 @@ class Lifting {
 
 }  // namespace
 
-std::optional<GroundNetwork> lift_over_groups(const GroundNetwork& network) { return Lifting(network).run(); }
+std::optional<GroundNetwork> lift_over_groups(const GroundNetwork& network, const StopCondition* stop) {
+  return Lifting(network, stop).run();
+}
 
 }  // namespace sherlog

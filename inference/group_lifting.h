@@ -12,10 +12,11 @@
 #include <optional>
 
 #include "grounding/network.h"
+#include "mln/monitor.h"
 
 namespace sherlog {
 
 // Nothing where no clauses can be joined.
-std::optional<GroundNetwork> lift_over_groups(const GroundNetwork& network);
+std::optional<GroundNetwork> lift_over_groups(const GroundNetwork& network, const StopCondition* stop = nullptr);
 
 }  // namespace sherlog

@@ -57,7 +57,7 @@ MethodResult run_marginals(const MethodContext& context, const Method* method, s
         continue;
       }
     }
-    const ExactCost cost = exact_cost(context.network, c, context.options);
+    const ExactCost cost = exact_cost(context.network, c, context.options, context.stop);
     bool exact = !cost.possible || (cost.feasible && cost.total_log2 <= kQuickLog2);
     if (!exact && !cost.feasible && failed_searches < kAutoFailedSearches) {
       exact = search_is_cheap(context.network, c, context.options, context.atom_bias, context.stop);
@@ -206,7 +206,7 @@ void infer_into(InferenceResult& result, const GroundNetwork& original, const In
   const Method* method = options.method == "auto" ? nullptr : find_method(options.method);
   const bool wants_map = method != nullptr && method->finds_map;
   // Constraints, variables and queries keep their numbers, so nothing in the result has to be translated back.
-  const std::optional<GroundNetwork> lifted = lift_over_groups(original);
+  const std::optional<GroundNetwork> lifted = lift_over_groups(original, &stop);
   const GroundNetwork& network = lifted ? *lifted : original;
   std::vector<double> biases;
   std::vector<std::string> warnings;

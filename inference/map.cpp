@@ -162,7 +162,7 @@ class MapSearch {
   // Elimination, if it is cheap. False where it is not.
   bool solve_narrow(const GroundNetwork& network, Outcome& out) {
     if (stop_.reached()) return false;
-    const ExactCost cost = exact_cost(network, ComponentId(0), narrow_options_);
+    const ExactCost cost = exact_cost(network, ComponentId(0), narrow_options_, stop_);
     if (cost.possible && (!cost.feasible || cost.total_log2 > kNarrowTotalLog2)) return false;
     const std::vector<ComponentId> all = all_components(network);
     MethodResult result = run_exact_map({network, all, narrow_options_, stop_, {}});

@@ -20,9 +20,10 @@ PreparedComponent prepare_component(const GroundNetwork& network, ComponentId co
                                     const InferenceOptions& options, const FactorGraphOptions& compilation) {
   PreparedComponent out;
   out.graph = compile_factor_graph(network, component, compilation);
-  if (!out.graph.possible || out.graph.too_large) return out;
+  if (!out.graph.possible || out.graph.too_large || out.graph.stopped) return out;
   OrderLimits limits;
   limits.max_table_log2 = options.max_table_log2;
+  limits.stop = compilation.stop;
   out.order = find_elimination_order(out.graph.cardinalities, out.graph.scopes, limits, out.graph.sweep);
   // Tables twice (logarithms and plain numbers), the largest joined table twice (with its separator), and the
   // messages, which are at most half of all joined tables.

@@ -14,10 +14,11 @@ namespace sherlog {
 
 struct PreparedComponent {
   FactorGraph graph;
-  EliminationOrder order;  // left out where the graph is impossible or too large
+  EliminationOrder order;  // left out where the graph is impossible, too large or stopped
   double bytes = 0.0;      // of tables, messages and scratch
 };
 
+// Where compilation.stop says so, it is not narrow_enough().
 PreparedComponent prepare_component(const GroundNetwork& network, ComponentId component,
                                     const InferenceOptions& options, const FactorGraphOptions& compilation);
 

@@ -63,11 +63,11 @@ struct Plan {
 };
 
 // Rewrites cliques of pairwise exclusions. Component numbers may change, variables do not.
-GroundNetwork fold(const GroundNetwork& network, std::span<const ComponentId> components) {
+GroundNetwork fold(const GroundNetwork& network, std::span<const ComponentId> components, const StopCondition& stop) {
   AtMostOne all;
   for (ComponentId c : components) {
     if (network.component_constraints(c).size() < 3) continue;
-    AtMostOne found = find_at_most_one(network, c);
+    AtMostOne found = find_at_most_one(network, c, &stop);
     std::ranges::move(found.groups, std::back_inserter(all.groups));
     all.covered.insert(all.covered.end(), found.covered.begin(), found.covered.end());
   }
@@ -154,7 +154,9 @@ std::unique_ptr<Plan> make_plan(const MethodContext& context, Kernel kernel) {
     }
   }
   sort_unique(components);
-  plan.network = fold(source, components);
+  plan.network = fold(source, components, context.stop);
+  plan.stopped = context.stop.reached();
+  if (plan.stopped) return made;
   const GroundNetwork& n = plan.network;
   plan.index = std::make_unique<WorldIndex>(n, bias);
   components.clear();

@@ -54,7 +54,7 @@ class SoftTargets {
 
   auto runner_of(ComponentId component) const {
     if (!chooses() && std::string_view(method_->name) == "exact") return run_exact;
-    const ExactCost cost = exact_cost(network_, component, options_);
+    const ExactCost cost = exact_cost(network_, component, options_, stop_);
     if (!cost.possible || (cost.feasible && cost.total_log2 <= kQuickLog2)) return run_exact;
     return chooses() ? run_mcsat : method_->run;
   }

@@ -92,6 +92,38 @@ TEST(AtMostOne, FindsRowsAndColumnsOfAOneToOneMatching) {
   EXPECT_EQ(found.covered.size(), 68400u);
 }
 
+// Says stop after so many questions.
+class Impatient : public Monitor {
+ public:
+  explicit Impatient(int patience) : patience_(patience) {}
+  bool interrupted() const override { return patience_-- <= 0; }
+
+ private:
+  mutable int patience_;
+};
+
+TEST(AtMostOne, StoppedAnywhereImpliesWhatItSaysIsCovered) {
+  const GroundNetwork network = one_to_one(6);
+  const std::size_t all = find_at_most_one(network, ComponentId(0)).groups.size();
+  bool some = false;
+  for (int patience = 0; patience < 80; ++patience) {
+    Impatient monitor(patience);
+    const StopCondition stop(monitor);
+    const AtMostOne found = find_at_most_one(network, ComponentId(0), &stop);
+    some = some || (!found.groups.empty() && found.groups.size() < all);
+    for (const std::uint32_t c : found.covered) {
+      const auto inputs = network.gate_inputs(network.constraints()[c].literal.gate());
+      const auto in = [&](const std::vector<VariableValue>& group, Literal literal) {
+        return std::ranges::find(group, VariableValue{network.variable_of(literal.atom()),
+                                                      network.value_of(literal.atom())}) != group.end();
+      };
+      EXPECT_TRUE(std::ranges::any_of(found.groups,
+                                      [&](const auto& group) { return in(group, inputs[0]) && in(group, inputs[1]); }));
+    }
+  }
+  EXPECT_TRUE(some);
+}
+
 TEST(AtMostOne, GroupsFollowFromTheirConstraintsAndImplyThem) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     SCOPED_TRACE(seed);

@@ -27,6 +27,7 @@ class Solver {
   MethodResult map() { return run_exact_map(context()); }
   InferenceOptions& options() { return options_; }
   const GroundNetwork& network() const { return network_; }
+  ExactCost cost(ComponentId component) const { return exact_cost(network_, component, options_, stop_); }
 
  private:
   MethodContext context() const { return {network_, components_, options_, stop_, {}}; }
@@ -215,7 +216,7 @@ TEST(Exact, MatchingOfEightToSixEqualsDynamicProgrammingOverSubsets) {
     scene.out_of_view.push_back(o == 3);
   }
   Solver solver(matching_network(scene));
-  const ExactCost cost = exact_cost(solver.network(), ComponentId(0), solver.options());
+  const ExactCost cost = solver.cost(ComponentId(0));
   EXPECT_TRUE(cost.feasible);
   EXPECT_LE(cost.largest_log2, 16.0);  // one bit for each new object, a bit for the row, and a pair's four values
   const MethodResult result = solver.marginals();
@@ -413,8 +414,8 @@ TEST(Exact, SaysHowWideAComponentIsAndAnswersTheOthers) {
   EXPECT_FALSE(result.log_partition.has_value());
   EXPECT_TRUE(std::isnan(result.marginals[0].probability));
   EXPECT_NEAR(result.marginals[1].probability, 1.0 / (1.0 + std::exp(-1.0)), 1e-12);
-  EXPECT_FALSE(exact_cost(solver.network(), ComponentId(0), solver.options()).feasible);
-  EXPECT_TRUE(exact_cost(solver.network(), ComponentId(1), solver.options()).feasible);
+  EXPECT_FALSE(solver.cost(ComponentId(0)).feasible);
+  EXPECT_TRUE(solver.cost(ComponentId(1)).feasible);
 }
 
 // A block for each of `n` things with `values` values, and a weight for every pair of values of two blocks.
@@ -444,7 +445,7 @@ GroundNetwork blocks(std::uint64_t seed, std::size_t n, std::uint32_t values, do
 TEST(Exact, SearchesWhatIsTooWideForElimination) {
   Solver eliminated(blocks(3, 5, 9, 12.0, 0.8)), searched(blocks(3, 5, 9, 12.0, 0.8));
   searched.options().max_table_log2 = 8;  // 9^5 is 2^16
-  ASSERT_FALSE(exact_cost(searched.network(), ComponentId(0), searched.options()).feasible);
+  ASSERT_FALSE(searched.cost(ComponentId(0)).feasible);
   const MethodResult expected = eliminated.marginals(), result = searched.marginals();
   ASSERT_EQ(expected.termination, Termination::kCompleted);
   ASSERT_EQ(result.termination, Termination::kCompleted) << result.message;

@@ -236,5 +236,21 @@ TEST(FactorGraph, ImpossibleValuesAreDropped) {
   EXPECT_EQ(graph.bindings[0].values, (std::vector<std::uint32_t>{0, 2}));
 }
 
+TEST(FactorGraph, IsLeftUnfinishedWhereTheUserWantsAnEnd) {
+  class Interrupt : public Monitor {
+   public:
+    bool interrupted() const override { return true; }
+  } monitor;
+  const StopCondition stop(monitor);
+  NetworkBuilder builder;
+  const Literal a = Literal::atom(builder.first_atom(builder.add_boolean()));
+  builder.add_feature(a, 1.0, builder.add_weight({}));
+  const GroundNetwork network = builder.build();
+  FactorGraphOptions options;
+  options.stop = &stop;
+  EXPECT_TRUE(compile_factor_graph(network, ComponentId(0), options).stopped);
+  EXPECT_FALSE(compile_factor_graph(network, ComponentId(0)).stopped);
+}
+
 }  // namespace
 }  // namespace sherlog
