@@ -50,8 +50,9 @@ cv::Mat coloured(const rgbd::DepthImage& depth) {
 // The table's surface, what is on it, and the names that the belief has for it.
 cv::Mat marked(const rgbd::Frame& frame, const rgbd::Perceived& seen, const std::map<std::string, std::string>& names) {
   cv::Mat image = frame.colour.clone();
-  if (const auto* table = seen.analysis.view<rgbd::Table>("table"))
-    image.setTo(cv::Scalar(90, 120, 90), table->surface);
+  if (const auto* tables = seen.analysis.view<std::vector<rgbd::Table>>("tables")) {
+    for (const rgbd::Table& table : *tables) image.setTo(cv::Scalar(90, 120, 90), table.surface);
+  }
   const auto* found = seen.analysis.view<rgbd::Hypotheses>("things");
   if (found == nullptr) return image;
   image.setTo(cv::Scalar(0, 0, 90), found->reaching_mask);

@@ -5,6 +5,8 @@
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
+#include "rgbd/objects/walls.h"
+
 namespace sherlog::rgbd {
 namespace {
 
@@ -57,13 +59,22 @@ Pixels pixels_of(const MaskImage& mask) {
   return pixels;
 }
 
+void sort_from_left(std::vector<Hypothesis>& things) {
+  std::ranges::stable_sort(things, {}, [](const Hypothesis& h) { return h.roi.x + h.roi.width / 2; });
+}
+
 // One call's data.
 class Finder {
  public:
-  Finder(const cv::Mat3f& points, const ColourImage& colour, const Table& table, const Calibration& calibration,
-         const HypothesisOptions& options)
-      : points_(points), table_(table), calibration_(calibration), options_(options) {
-    if (colour.size() == points.size()) lab_ = colours_of(colour);
+  // `elsewhere`: pixels that are none of this table's; their points are gaps.
+  Finder(const cv::Mat3f& points, const cv::Mat3f& lab, const Table& table, const Calibration& calibration,
+         const HypothesisOptions& options, const MaskImage& elsewhere)
+      : points_(points),
+        table_(table),
+        calibration_(calibration),
+        options_(options),
+        lab_(lab),
+        elsewhere_(elsewhere | behind_walls(points, table)) {
     result_.reaching_mask = MaskImage(points.size(), std::uint8_t{0});
     taken_ = MaskImage(points.size(), std::uint8_t{0});
   }
@@ -78,7 +89,7 @@ class Finder {
     }
     if (options_.use_colour && !lab_.empty()) find_by_colour();
     for (const Pixels& part : low_) add_low(part);
-    std::ranges::stable_sort(result_.things, {}, [](const Hypothesis& h) { return h.roi.x + h.roi.width / 2; });
+    sort_from_left(result_.things);
     return std::move(result_);
   }
 
@@ -91,6 +102,7 @@ class Finder {
   }
   bool stands_out(const cv::Point& p) const {
     const float height = points_(p)[2];
+    if (elsewhere_(p) != 0) return false;
     if (height < options_.least_height || height > 2 * options_.most_height) return false;
     return height > options_.errors * error_at(p);
   }
@@ -182,15 +194,18 @@ class Finder {
 
   void judge(const Pixels& piece) {
     if (area_of(piece) < options_.least_area || piece.size() < 20) return;
-    const auto outside =
-        std::ranges::count_if(piece, [&](const cv::Point& p) { return !table_.has(points_(p)[0], points_(p)[1]); });
-    const double share = static_cast<double>(outside) / static_cast<double>(piece.size());
-    if (share > 0.9) return;  // something beside the table
-    if (share > (is_cut_off(piece) ? 0.01 : options_.beyond) || hovers(piece)) {
+    const auto share_of = [&](auto is_so) {
+      return static_cast<double>(std::ranges::count_if(piece, is_so)) / static_cast<double>(piece.size());
+    };
+    const double outside = share_of([&](const cv::Point& p) { return !table_.has(points_(p)[0], points_(p)[1]); });
+    const double inside = share_of([&](const cv::Point& p) { return is_surely_on(points_(p)); });
+    if (inside < 0.1) return;  // something beside the table
+    if (outside > (is_cut_off(piece) ? 0.01 : options_.beyond) || hovers(piece)) {
       ++result_.reaching;
       for (const cv::Point& p : piece) result_.reaching_mask(p) = 255;
       return;
     }
+    if (inside < 0.5) return;
     for (const Pixels& part : parts(piece)) {
       if (is_low(part)) {
         low_.push_back(part);
@@ -233,8 +248,9 @@ class Finder {
   bool is_a_thing(const Pixels& part, const Pixels& whole) const {
     if (static_cast<double>(part.size()) < options_.least_part * static_cast<double>(whole.size())) return false;
     if (area_of(part) < options_.least_area) return false;
-    MaskImage mask(points_.size(), std::uint8_t{0});
-    for (const cv::Point& p : part) mask(p) = 255;
+    const cv::Rect box = cv::boundingRect(part);
+    MaskImage mask(box.size(), std::uint8_t{0});
+    for (const cv::Point& p : part) mask(p - box.tl()) = 255;
     cv::Mat1i labels;
     cv::Mat statistics, centres;
     const int count = cv::connectedComponentsWithStats(mask, labels, statistics, centres, 8, CV_32S);
@@ -308,7 +324,8 @@ class Finder {
     MaskImage open(points_.size(), std::uint8_t{0});
     const int reach = std::max(1, points_.cols / 128);
     MaskImage blocked;
-    cv::dilate(taken_ | result_.reaching_mask, blocked, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+    cv::dilate(taken_ | result_.reaching_mask | elsewhere_, blocked,
+               cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
     const cv::Rect box = cv::boundingRect(table_.surface);
     for (int y = box.y; y < box.br().y; ++y) {
       for (int x = box.x; x < box.br().x; ++x) {
@@ -333,10 +350,10 @@ class Finder {
     cv::morphologyEx(open, open, cv::MORPH_OPEN, cv::Mat::ones(2, 2, CV_8U));
     cv::Mat1i labels;
     const int count = cv::connectedComponents(open, labels, 8, CV_32S);
+    std::vector<Pixels> pieces(static_cast<std::size_t>(count));
+    for (const cv::Point& p : pixels_of(open)) pieces[static_cast<std::size_t>(labels(p))].push_back(p);
     const MaskImage depth_things = taken_.clone();
-    for (int i = 1; i < count; ++i) {
-      const MaskImage piece(labels == i);
-      const Pixels pixels = pixels_of(piece);
+    for (const Pixels& pixels : pieces) {
       if (surface_area(pixels) >= options_.least_area && !belongs_to_a_thing(pixels, depth_things) &&
           is_inside(pixels)) {
         add(pixels, true);
@@ -346,13 +363,30 @@ class Finder {
 
   // The table's own rim has other colours beside it.
   bool is_inside(const Pixels& pixels) const {
-    const double margin = 0.012;
     const auto at_rim = std::ranges::count_if(pixels, [&](const cv::Point& p) {
       const auto on = on_surface(p);
-      return !on || !table_.has(on->x() - margin, on->y()) || !table_.has(on->x() + margin, on->y()) ||
-             !table_.has(on->x(), on->y() - margin) || !table_.has(on->x(), on->y() + margin);
+      return !on || !is_inside_by(std::max(0.012, rim_error(*on)), on->x(), on->y());
     });
     return 2 * static_cast<std::size_t>(at_rim) < pixels.size();
+  }
+
+  bool is_inside_by(double margin, double x, double y) const {
+    return table_.has(x - margin, y) && table_.has(x + margin, y) && table_.has(x, y - margin) &&
+           table_.has(x, y + margin);
+  }
+
+  // Inside of the outline; of a far table, by more than its place is uncertain.
+  bool is_surely_on(const cv::Vec3f& at) const {
+    constexpr double kFar = 0.02;
+    const double margin = rim_error({at[0], at[1], 0});
+    return margin > kFar ? is_inside_by(margin, at[0], at[1]) : table_.has(at[0], at[1]);
+  }
+
+  // Errors of depth and a pixel's length on the table.
+  double rim_error(const Eigen::Vector3f& on) const {
+    const Eigen::Vector3d point = table_.pose * on.cast<double>();
+    const double facing = std::max(0.1, std::abs(table_.pose.linear().col(2).dot(point.normalized())));
+    return options_.errors * depth_error(point.z()) + point.z() / (calibration_.fy * facing);
   }
 
   double surface_area(const Pixels& pixels) const {
@@ -375,9 +409,9 @@ class Finder {
     const cv::Rect box = cv::boundingRect(pixels), image({0, 0}, points_.size());
     const cv::Rect around = (cv::Rect(box.tl() - cv::Point(reach, reach), box.br() + cv::Point(reach, reach))) & image;
     MaskImage near;
-    MaskImage mine(points_.size(), std::uint8_t{0});
-    for (const cv::Point& p : pixels) mine(p) = 255;
-    cv::dilate(mine(around), near, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+    MaskImage mine(around.size(), std::uint8_t{0});
+    for (const cv::Point& p : pixels) mine(p - around.tl()) = 255;
+    cv::dilate(mine, near, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
     near.setTo(0, things(around) == 0);
     // Sides are darker than tops: less than what makes two things.
     const cv::Vec3f mean = median_colour(lab_, pixels);
@@ -391,24 +425,59 @@ class Finder {
   const Table& table_;
   const Calibration& calibration_;
   const HypothesisOptions& options_;
-  cv::Mat3f lab_;
+  const cv::Mat3f& lab_;
+  MaskImage elsewhere_;
   MaskImage taken_;
   std::vector<Pixels> low_;
   Hypotheses result_;
 };
 
+// One table's, with gaps where nothing of its own is measured.
+Hypotheses find_on(const cv::Mat3f& points, const cv::Mat3f& lab, const Table& table, const Calibration& calibration,
+                   const HypothesisOptions& options, const MaskImage& body, const MaskImage& elsewhere) {
+  if (body.empty() && elsewhere.empty())
+    return Finder(points, lab, table, calibration, options, MaskImage(points.size(), std::uint8_t{0})).find();
+  cv::Mat3f own = points.clone();
+  if (!body.empty()) own.setTo(cv::Scalar(0, 0, -10), body);
+  if (!elsewhere.empty()) own.setTo(cv::Scalar(0, 0, -10), elsewhere);
+  const MaskImage none = elsewhere.empty() ? MaskImage(points.size(), std::uint8_t{0}) : elsewhere;
+  return Finder(own, lab, table, calibration, options, none).find(body);
+}
+
+cv::Mat3f colours_for(const cv::Mat3f& points, const ColourImage& colour) {
+  return colour.size() == points.size() ? colours_of(colour) : cv::Mat3f();
+}
+
 }  // namespace
 
 Hypotheses find_hypotheses(const cv::Mat3f& points, const ColourImage& colour, const Table& table,
-                           const Calibration& calibration, const HypothesisOptions& options, const MaskImage& known) {
-  const int on_body = known.empty() ? 0 : cv::countNonZero(known);
-  if (on_body == 0) return Finder(points, colour, table, calibration, options).find();
+                           const Calibration& calibration, const HypothesisOptions& options) {
+  return find_on(points, colours_for(points, colour), table, calibration, options, {}, {});
+}
+
+Hypotheses find_hypotheses(const std::vector<cv::Mat3f>& points, const ColourImage& colour,
+                           const std::vector<Table>& tables, const Calibration& calibration,
+                           const HypothesisOptions& options, const MaskImage& known) {
+  Hypotheses all;
+  if (tables.empty()) return all;
   // With the row of pixels at its outline, which measure now this and now that.
   MaskImage body;
-  cv::dilate(known, body, cv::Mat::ones(3, 3, CV_8U));
-  cv::Mat3f others = points.clone();
-  others.setTo(cv::Scalar(0, 0, -10), body);
-  return Finder(others, colour, table, calibration, options).find(body);
+  if (!known.empty() && cv::countNonZero(known) > 0) cv::dilate(known, body, cv::Mat::ones(3, 3, CV_8U));
+  const cv::Mat3f lab = colours_for(points[0], colour);
+  const std::vector<MaskImage> others = on_other_tables(points, tables);
+  all.reaching_mask = MaskImage(points[0].size(), std::uint8_t{0});
+  for (std::size_t i = 0; i < tables.size(); ++i) {
+    Hypotheses its =
+        find_on(points[i], lab, tables[i], calibration, options, body, tables.size() == 1 ? MaskImage() : others[i]);
+    for (Hypothesis& thing : its.things) {
+      thing.table = i;
+      all.things.push_back(std::move(thing));
+    }
+    all.reaching += its.reaching;
+    all.reaching_mask |= its.reaching_mask;
+  }
+  sort_from_left(all.things);
+  return all;
 }
 
 }  // namespace sherlog::rgbd

@@ -4,7 +4,8 @@
 //           flat for the sensor (cutlery), or gives it nothing, has another colour than the table: such pieces are
 //           hypotheses as well. And where two things touch, depth makes one of them; parts of one piece with different
 //           colours that both stand on the table are two. So the result has at least what each way alone has.
-//           What comes from beyond the table's edge (an arm) and what does not reach down to it (what an arm holds) is
+//           What is a wall at the table's edge, and what is behind it, is no thing either: an upright plane with all of the
+//           table on one side. What comes from beyond the table's edge (an arm) and what does not reach down to it (what an arm holds) is
 //           no thing on the table. It is counted, so that one may wait until nobody reaches over it.
 // Source    Beetz et al., RoboSherlock, ICRA 2015, section 4 and 8 (table-top and colour segmentation; "flat objects")
 // Cost      O(pixels)
@@ -21,6 +22,7 @@ struct Hypothesis {
   cv::Mat1b mask;                       // of the roi's size
   std::vector<Eigen::Vector3f> points;  // table frame; those of colour alone lie on the table
   bool from_colour = false;             // depth alone does not have it
+  std::size_t table = 0;                // its number
 };
 
 struct Hypotheses {
@@ -44,9 +46,12 @@ struct HypothesisOptions {
 };
 
 // `points` as of above_table(). Colour of the same size; of another one, or empty: depth alone.
-// `known`: pixels of the robot's own body, where nothing is looked for; empty: none. A body over the table reaches over it.
 Hypotheses find_hypotheses(const cv::Mat3f& points, const ColourImage& colour, const Table& table,
-                           const Calibration& calibration, const HypothesisOptions& options = {},
-                           const MaskImage& known = {});
+                           const Calibration& calibration, const HypothesisOptions& options = {});
+// On several tables, `points` by table. `known`: pixels of the robot's own body, where nothing is looked for; empty: none. A body
+// over a table reaches over it.
+Hypotheses find_hypotheses(const std::vector<cv::Mat3f>& points, const ColourImage& colour,
+                           const std::vector<Table>& tables, const Calibration& calibration,
+                           const HypothesisOptions& options, const MaskImage& known);
 
 }  // namespace sherlog::rgbd

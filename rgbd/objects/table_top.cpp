@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <opencv2/imgproc.hpp>
@@ -22,16 +23,18 @@ struct Plane {
 
 struct Sample {
   Vector3d point;
+  cv::Point cell;
   double tolerance;
 };
 
+// A grid of the picture's measurements, row by row.
 std::vector<Sample> sample(const Cloud& cloud, double agreement) {
   const int step = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(cloud.total()) / 20'000)));
   std::vector<Sample> samples;
   for (int y = step / 2; y < cloud.rows; y += step) {
     for (int x = step / 2; x < cloud.cols; x += step) {
       const cv::Vec3f& p = cloud(y, x);
-      if (p[2] > 0) samples.push_back({{p[0], p[1], p[2]}, agreement * depth_error(p[2])});
+      if (p[2] > 0) samples.push_back({{p[0], p[1], p[2]}, {x / step, y / step}, agreement * depth_error(p[2])});
     }
   }
   return samples;
@@ -79,27 +82,100 @@ bool is_table_height(const Vector3d& point, const Eigen::Isometry3d& camera, con
   return std::ranges::any_of(options.heights, [&](double h) { return std::abs(h - height) < options.height_error; });
 }
 
+// Three samples of all of them, or of one place.
+class Triples {
+ public:
+  explicit Triples(const std::vector<Sample>& samples) : samples_(samples) {
+    cv::Point last;
+    for (const Sample& s : samples) last = {std::max(last.x, s.cell.x), std::max(last.y, s.cell.y)};
+    number_ = cv::Mat1i(last.y + 1, last.x + 1, -1);
+    for (std::size_t i = 0; i < samples.size(); ++i) number_(samples[i].cell) = static_cast<int>(i);
+  }
+  std::optional<std::array<Vector3d, 3>> draw(bool of_one_place) {
+    const Sample& a = samples_[random_() % samples_.size()];
+    if (!of_one_place) return {{a.point, any(), any()}};
+    const Sample *b = near(a), *c = near(a);
+    if (b == nullptr || c == nullptr) return std::nullopt;
+    return {{a.point, b->point, c->point}};
+  }
+
+ private:
+  const Vector3d& any() { return samples_[random_() % samples_.size()].point; }
+  const Sample* near(const Sample& a) {
+    constexpr int kReach = 12;  // cells
+    const auto offset = [&] { return static_cast<int>(random_() % (2 * kReach + 1)) - kReach; };
+    const int dx = offset(), dy = offset();
+    const cv::Point cell = a.cell + cv::Point(dx, dy);
+    if (!cell.inside({{0, 0}, number_.size()}) || number_(cell) < 0) return nullptr;
+    return &samples_[static_cast<std::size_t>(number_(cell))];
+  }
+
+  const std::vector<Sample>& samples_;
+  cv::Mat1i number_;  // of the sample, by cell
+  std::mt19937_64 random_{5};
+};
+
+// Every so manieth sample.
+std::vector<Sample> voters_of(const std::vector<Sample>& samples) {
+  constexpr std::size_t kVoters = 4000;
+  std::vector<Sample> voters;
+  const std::size_t step = std::max<std::size_t>(1, samples.size() / kVoters);
+  for (std::size_t i = 0; i < samples.size(); i += step) voters.push_back(samples[i]);
+  return voters;
+}
+
 std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::optional<Eigen::Isometry3d>& camera,
                                 const TableOptions& options) {
   if (samples.size() < 3) return std::nullopt;
   std::optional<Vector3d> up;
   if (camera) up = camera->linear().transpose() * Vector3d::UnitZ();
-  std::mt19937_64 random(5);
+  const auto is_steep = [&](const Plane& p) { return up && p.normal.dot(*up) < std::cos(options.most_tilt); };
+  const std::vector<Sample> voters = voters_of(samples);
+  Triples triples(samples);
   std::optional<Plane> best;
   std::size_t most = 0;
   for (std::size_t trial = 0; trial < options.trials; ++trial) {
-    const Vector3d& a = samples[random() % samples.size()].point;
-    const Vector3d& b = samples[random() % samples.size()].point;
-    const Vector3d& c = samples[random() % samples.size()].point;
+    const auto triple = triples.draw(trial % 2 != 0);
+    if (!triple) continue;
+    const auto& [a, b, c] = *triple;
+    const bool is_level = up && trial % 4 == 0;  // as nearly all are: two of different heights are no slope
     const Vector3d cross = (b - a).cross(c - a);
-    if (cross.norm() < 1e-4) continue;
-    const Plane plane = oriented(cross.normalized(), a);
-    if (up && plane.normal.dot(*up) < std::cos(options.most_tilt)) continue;
+    if (!is_level && cross.norm() < 1e-4) continue;
+    const Plane plane = oriented(is_level ? *up : cross.normalized(), a);
+    if (is_steep(plane)) continue;
     if (!up && plane.normal.y() > -0.2) continue;  // a camera that is held upright looks down on tables, not on walls
-    const std::size_t count = votes(plane, samples);
+    const std::size_t count = votes(plane, voters);
     if (count > most) most = count, best = plane;
   }
-  return best ? std::optional(refined(*best, samples)) : best;
+  if (!best) return std::nullopt;
+  const Plane fitted = refined(*best, samples);
+  return is_steep(fitted) ? best : fitted;
+}
+
+// The best one parallel to another, below the camera. Far away there are walls in a plane's tolerance, which would tilt it.
+std::optional<Plane> best_parallel(const Vector3d& normal, const std::vector<Sample>& samples,
+                                   const TableOptions& options) {
+  if (samples.empty()) return std::nullopt;
+  const std::vector<Sample> voters = voters_of(samples);
+  std::mt19937_64 random(9);
+  std::optional<Plane> best;
+  std::size_t most = 0;
+  for (std::size_t trial = 0; trial < options.trials; ++trial) {
+    const Plane plane{normal, -normal.dot(samples[random() % samples.size()].point)};
+    const std::size_t count = plane.offset > 0 ? votes(plane, voters) : 0;
+    if (count > most) most = count, best = plane;
+  }
+  for (int round = 0; best && round < 4; ++round) {
+    double sum = 0, weights = 0;
+    for (const Sample& s : samples) {
+      const double r = best->height(s.point) / s.tolerance;
+      if (std::abs(r) >= 1) continue;
+      const double weight = (1 - r * r) * (1 - r * r) / (s.tolerance * s.tolerance);
+      sum += weight * normal.dot(s.point), weights += weight;
+    }
+    if (weights > 0) best->offset = -sum / weights;
+  }
+  return best;
 }
 
 // The connected pieces of the pixels on the plane, by number; 0: none. The largest ones first, at most kMostPieces.
@@ -206,6 +282,53 @@ Hull hull_of(const Hull& points, double least_area) {
   return covered_area(points) < kLeastShare * area ? Hull() : hull;
 }
 
+// What is on the plane, as tables. Nothing: no piece is large enough.
+std::optional<Table> table_on(const Plane& plane, const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,
+                              const TableOptions& options, double least_area) {
+  Table table;
+  const Vector3d ahead = camera ? Vector3d(camera->linear().transpose() * Vector3d::UnitX()) : Vector3d::UnitX();
+  Eigen::Isometry3d frame = frame_on(plane, -plane.normal * plane.offset, ahead);
+  int count = 0;
+  const cv::Mat1i pieces = pieces_on(cloud, plane, options.agreement, count);
+  const std::vector<Hull> points = points_of(cloud, pieces, count, frame);
+  table.surface = MaskImage(cloud.size(), std::uint8_t{0});
+  std::vector<Hull> large;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    Hull hull = hull_of(points[i], least_area);
+    if (hull.empty()) continue;
+    table.area += cv::contourArea(hull);
+    table.surface.setTo(255, pieces == static_cast<int>(i + 1));
+    large.push_back(std::move(hull));
+  }
+  if (large.empty()) return std::nullopt;
+  Vector3d middle = Vector3d::Zero();
+  for (const cv::Point2f& p : large[0]) middle += Vector3d(p.x, p.y, 0) / static_cast<double>(large[0].size());
+  frame.translation() = frame * middle;
+  const cv::Point2f origin(static_cast<float>(middle.x()), static_cast<float>(middle.y()));
+  for (Hull& hull : large) {
+    for (cv::Point2f& p : hull) p -= origin;
+  }
+  table.pose = frame;
+  table.has_world = camera.has_value();
+  table.in_world = camera ? *camera * frame : frame;
+  draw_outlines(table, large, options.cell);
+  return table;
+}
+
+// What stands on a table is no table, and what is as high as one belongs to it.
+void drop_explained(std::vector<Sample>& samples, const Plane& plane, const std::optional<Table>& table,
+                    const TableOptions& options) {
+  constexpr double kSameHeight = 0.04, kRoomAbove = 0.5;
+  const Eigen::Isometry3d to_table = table ? table->pose.inverse(Eigen::Isometry) : Eigen::Isometry3d::Identity();
+  std::erase_if(samples, [&](const Sample& s) {
+    const double height = plane.height(s.point);
+    if (std::abs(height) < std::max(s.tolerance, table ? kSameHeight : 0.0)) return true;
+    if (!table || !options.heights.empty() || height > kRoomAbove) return false;
+    const Vector3d at = to_table * s.point;
+    return table->has(at.x(), at.y());
+  });
+}
+
 }  // namespace
 
 Cloud cloud_of(const DepthImage& depth, const Calibration& calibration) {
@@ -228,48 +351,33 @@ bool Table::has(double x, double y) const {
   return column >= 0 && row >= 0 && column < raster.cols && row < raster.rows && raster(row, column) != 0;
 }
 
-std::optional<Table> find_table(const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,
-                                const TableOptions& options, std::string& problem) {
+std::vector<Table> find_tables(const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,
+                               const TableOptions& options, std::string& problem) {
+  constexpr int kMostPlanes = 8;
+  constexpr std::size_t kFewestSamples = 60;
+  std::vector<Table> tables;
   std::vector<Sample> samples = sample(cloud, options.agreement);
   if (camera) std::erase_if(samples, [&](const Sample& s) { return !is_table_height(s.point, *camera, options); });
-  const std::optional<Plane> plane = best_plane(samples, camera, options);
-  if (!plane) {
-    problem = camera && !options.heights.empty() ? "there is no table top: no level plane is as high as the map says"
+  bool any_plane = false;
+  for (int i = 0; i < kMostPlanes && tables.size() < options.most_heights; ++i) {
+    if (i > 0 && samples.size() < kFewestSamples) break;
+    const std::optional<Plane> plane = tables.empty() ? best_plane(samples, camera, options)
+                                                      : best_parallel(tables[0].pose.linear().col(2), samples, options);
+    if (!plane) break;
+    any_plane = true;
+    const bool is_further = !tables.empty() && options.heights.empty();
+    auto table = table_on(*plane, cloud, camera, options, is_further ? options.least_further_area : options.least_area);
+    drop_explained(samples, *plane, table, options);
+    if (table) tables.push_back(*std::move(table));
+    if (!camera) break;  // the next plane may be the floor
+  }
+  if (tables.empty()) {
+    problem = any_plane ? "there is no table top: the largest level plane is too small, or too narrow"
+              : camera && !options.heights.empty() ? "there is no table top: no level plane is as high as the map says"
               : camera ? "there is no table top: too few depths, or no level plane 30 cm and more above z = 0"
                        : "there is no table top: too few depths, or no level plane";
-    return std::nullopt;
   }
-  Table table;
-  const Vector3d ahead = camera ? Vector3d(camera->linear().transpose() * Vector3d::UnitX()) : Vector3d::UnitX();
-  Eigen::Isometry3d frame = frame_on(*plane, -plane->normal * plane->offset, ahead);
-  int count = 0;
-  const cv::Mat1i pieces = pieces_on(cloud, *plane, options.agreement, count);
-  const std::vector<Hull> points = points_of(cloud, pieces, count, frame);
-  table.surface = MaskImage(cloud.size(), std::uint8_t{0});
-  std::vector<Hull> large;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    Hull hull = hull_of(points[i], options.least_area);
-    if (hull.empty()) continue;
-    table.area += cv::contourArea(hull);
-    table.surface.setTo(255, pieces == static_cast<int>(i + 1));
-    large.push_back(std::move(hull));
-  }
-  if (large.empty()) {
-    problem = "there is no table top: the largest level plane is too small, or too narrow";
-    return std::nullopt;
-  }
-  Vector3d middle = Vector3d::Zero();
-  for (const cv::Point2f& p : large[0]) middle += Vector3d(p.x, p.y, 0) / static_cast<double>(large[0].size());
-  frame.translation() = frame * middle;
-  const cv::Point2f origin(static_cast<float>(middle.x()), static_cast<float>(middle.y()));
-  for (Hull& hull : large) {
-    for (cv::Point2f& p : hull) p -= origin;
-  }
-  table.pose = frame;
-  table.has_world = camera.has_value();
-  table.in_world = camera ? *camera * frame : frame;
-  draw_outlines(table, large, options.cell);
-  return table;
+  return tables;
 }
 
 cv::Mat3f above_table(const Cloud& cloud, const Table& table) {
@@ -283,6 +391,29 @@ cv::Mat3f above_table(const Cloud& cloud, const Table& table) {
     }
   }
   return result;
+}
+
+std::vector<MaskImage> on_other_tables(const std::vector<cv::Mat3f>& points, const std::vector<Table>& tables) {
+  constexpr float kBelow = 0.02F, kRoomAbove = 1;  // as high as things and what holds them can be
+  const cv::Size size = points.empty() ? cv::Size() : points[0].size();
+  std::vector<MaskImage> others(tables.size());
+  for (MaskImage& mask : others) mask = MaskImage(size, std::uint8_t{0});
+  for (int y = 0; y < size.height && tables.size() > 1; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      std::size_t owner = tables.size();
+      float lowest = kRoomAbove;
+      for (std::size_t i = 0; i < tables.size(); ++i) {
+        const cv::Vec3f& p = points[i](y, x);
+        if (p[2] < -kBelow || p[2] > lowest || !tables[i].has(p[0], p[1])) continue;
+        owner = i, lowest = p[2];
+      }
+      if (owner == tables.size()) continue;
+      for (std::size_t i = 0; i < tables.size(); ++i) {
+        if (i != owner) others[i](y, x) = 255;
+      }
+    }
+  }
+  return others;
 }
 
 }  // namespace sherlog::rgbd

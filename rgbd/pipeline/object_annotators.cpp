@@ -13,6 +13,7 @@ namespace {
 
 using Camera = std::optional<Eigen::Isometry3d>;
 using Forms = std::vector<ShapeFit>;
+using Tables = std::vector<Table>;
 
 class Preprocessing : public Declared {
  public:
@@ -45,16 +46,18 @@ class CloudMaker : public Declared {
 class TableTop : public Declared {
  public:
   explicit TableTop(const SemanticMap& map)
-      : Declared("TableTopAnnotator", {"cloud", "camera"}, {"table", "points"}, 60) {
+      : Declared("TableTopAnnotator", {"cloud", "camera"}, {"tables", "points"}, 60) {
     for (const Surface& surface : map) options_.heights.push_back(surface.height);
   }
   void process(const Analysis& in, Analysis& out) override {
     const Cloud& cloud = in.need<Cloud>("cloud");
     std::string problem;
-    auto table = find_table(cloud, in.need<Camera>("camera"), options_, problem);
-    if (!table) throw std::runtime_error(problem);
-    out.set("points", above_table(cloud, *table));
-    out.set("table", std::move(*table));
+    Tables tables = find_tables(cloud, in.need<Camera>("camera"), options_, problem);
+    if (tables.empty()) throw std::runtime_error(problem);
+    std::vector<cv::Mat3f> points;
+    for (const Table& table : tables) points.push_back(above_table(cloud, table));
+    out.set("points", std::move(points));
+    out.set("tables", std::move(tables));
   }
 
  private:
@@ -64,14 +67,15 @@ class TableTop : public Declared {
 class ClusterExtractor : public Declared {
  public:
   ClusterExtractor()
-      : Declared("PointCloudClusterExtractor", {"points", "colour", "table", "calibration", "robot"},
+      : Declared("PointCloudClusterExtractor", {"points", "colour", "tables", "calibration", "robot"},
                  {"things", "rs.scene.ImageROI", "rs.scene.ClusterPoints"}, 150) {}
   void process(const Analysis& in, Analysis& out) override {
-    const Table& table = in.need<Table>("table");
-    Hypotheses found = find_hypotheses(in.need<cv::Mat3f>("points"), in.need<ColourImage>("colour"), table,
-                                       in.need<Calibration>("calibration"), {}, in.need<MaskImage>("robot"));
+    const Tables& tables = in.need<Tables>("tables");
+    Hypotheses found = find_hypotheses(in.need<std::vector<cv::Mat3f>>("points"), in.need<ColourImage>("colour"),
+                                       tables, in.need<Calibration>("calibration"), {}, in.need<MaskImage>("robot"));
     for (std::size_t i = 0; i < found.things.size(); ++i) {
       const Hypothesis& thing = found.things[i];
+      const Table& table = tables[thing.table];
       out.annotate(i, make("rs.scene.ImageROI", {{"x", Value(std::int64_t{thing.roi.x})},
                                                  {"y", Value(std::int64_t{thing.roi.y})},
                                                  {"width", Value(std::int64_t{thing.roi.width})},
@@ -92,11 +96,12 @@ class ClusterExtractor : public Declared {
 
 class Fitter : public Declared {
  public:
-  Fitter() : Declared("PrimitiveFitter", {"things", "table"}, {"forms"}, 20) {}
+  Fitter() : Declared("PrimitiveFitter", {"things", "tables"}, {"forms"}, 20) {}
   void process(const Analysis& in, Analysis& out) override {
-    const Table& table = in.need<Table>("table");
+    const Tables& tables = in.need<Tables>("tables");
     Forms forms;
     for (const Hypothesis& thing : in.need<Hypotheses>("things").things) {
+      const Table& table = tables[thing.table];
       const double metres =
           thing.points.empty() ? 1 : (table.pose * Eigen::Vector3d(thing.points[0].cast<double>())).z();
       forms.push_back(fit_shape(thing, depth_error(metres)));
@@ -120,13 +125,14 @@ class ShapeAnnotator : public Declared {
 class GeometryAnnotator : public Declared {
  public:
   GeometryAnnotator()
-      : Declared("Cluster3DGeometryAnnotator", {"forms", "table"},
+      : Declared("Cluster3DGeometryAnnotator", {"things", "forms", "tables"},
                  {"rs.annotation.SemanticSize", "rs.annotation.Geometry", "rs.annotation.PoseAnnotation"}, 1) {}
   void process(const Analysis& in, Analysis& out) override {
     const Forms& forms = in.need<Forms>("forms");
-    const Table& table = in.need<Table>("table");
+    const auto& things = in.need<Hypotheses>("things").things;
     for (std::size_t i = 0; i < forms.size(); ++i) {
       if (forms[i].shape.empty()) continue;
+      const Table& table = in.need<Tables>("tables")[things[i].table];
       const Box& box = forms[i].box;
       const SizeName size = size_name(box.size.prod());
       out.annotate(i, make("rs.annotation.SemanticSize", {{"size", Value(size.name)}}, size.confidence));
@@ -183,11 +189,13 @@ class FeatureAnnotator : public Declared {
 class LocationAnnotator : public Declared {
  public:
   explicit LocationAnnotator(SemanticMap map)
-      : Declared("LocationAnnotator", {"forms", "table"}, {"rs.annotation.TFLocation"}, 1), map_(std::move(map)) {}
+      : Declared("LocationAnnotator", {"things", "forms", "tables"}, {"rs.annotation.TFLocation"}, 1),
+        map_(std::move(map)) {}
   void process(const Analysis& in, Analysis& out) override {
     const Forms& forms = in.need<Forms>("forms");
-    const Table& table = in.need<Table>("table");
+    const auto& things = in.need<Hypotheses>("things").things;
     for (std::size_t i = 0; i < forms.size(); ++i) {
+      const Table& table = in.need<Tables>("tables")[things[i].table];
       Eigen::Vector3d foot = forms[i].box.centre;
       foot.z() = 0;
       out.annotate(i, make("rs.annotation.TFLocation", {{"frame_id", Value(name_at(table, table.in_world * foot))},

@@ -4,17 +4,17 @@
 //   depth colour                            DepthPreprocessing            filled disparity foreground
 //   depth calibration camera structure      RegionFilter                  known robot
 //   depth calibration                       CloudAnnotator                cloud
-//   cloud camera                            TableTopAnnotator             table points
-//   points colour table calibration robot   PointCloudClusterExtractor    things, rs.scene.ImageROI, ClusterPoints
-//   things table                            PrimitiveFitter               forms
+//   cloud camera                            TableTopAnnotator             tables points
+//   points colour tables calibration robot  PointCloudClusterExtractor    things, rs.scene.ImageROI, ClusterPoints
+//   things tables                           PrimitiveFitter               forms
 //   forms                                   PrimitiveShapeAnnotator       rs.annotation.Shape
-//   forms table                             Cluster3DGeometryAnnotator    rs.annotation.SemanticSize, Geometry,
+//   things forms tables                     Cluster3DGeometryAnnotator    rs.annotation.SemanticSize, Geometry,
 //                                                                         PoseAnnotation
 //   things colour                           ColorAnnotator                rs.annotation.SemanticColor,
 //                                                                         HueSaturationHistogram,
 //                                                                         sherlog.annotation.MeanColor
 //   things                                  ShapeFeatureAnnotator         rs.annotation.PclFeature
-//   forms table                             LocationAnnotator             rs.annotation.TFLocation
+//   things forms tables                     LocationAnnotator             rs.annotation.TFLocation
 //   Shape Geometry MeanColor                KnownThingsAnnotator          rs.annotation.Classification
 //
 // Source    names and thresholds of RoboSherlock's annotators (features in perception_bridge/annotation_types.h)

@@ -76,7 +76,7 @@ Scene table_room() {
       add_scenery(scene, names[leg++], {x, y, 0}, {x + 0.05, y + 0.05, kTableHeight - 0.04}, {70, 100, 140});
     }
   }
-  add_scenery(scene, "counter", {-1.6, 2.0, 0}, {1.6, 2.6, 0.9}, {180, 190, 190});
+  add_scenery(scene, "counter", {-1.6, 2.0, 0}, {1.6, 2.6, kCounterHeight}, {180, 190, 190});
   add_scenery(scene, "oven", {0.4, 1.99, 0.2}, {1.0, 2.0, 0.8}, {30, 30, 30}, false);
   add_scenery(scene, "cupboard", {-1.4, 2.2, 1.4}, {0.2, 2.6, 2.2}, {160, 180, 195});
   return scene;

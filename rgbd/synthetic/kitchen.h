@@ -24,7 +24,7 @@ std::span<const Thing> things();
 std::uint16_t add_thing(Scene& scene, const Thing& thing, std::string name, const Eigen::Vector3d& foot, double heading,
                         bool is_foreground);
 
-inline constexpr double kTableHeight = 0.75;
+inline constexpr double kTableHeight = 0.75, kCounterHeight = 0.9;
 
 // A table with a counter and a wall behind it.
 Scene table_room();

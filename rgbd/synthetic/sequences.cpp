@@ -115,6 +115,22 @@ Story table_occlusion() {
                                     {0, 0.65, 0.90, on_table(-0.42, 1.35)}});
 }
 
+// Things are carried from the table to the counter behind it, which is higher, and back.
+Story table_and_counter() {
+  const auto on_counter = [](double x, double y) { return Vector3d(x, y, kCounterHeight); };
+  return table_story({{0, on_table(-0.42, 1.30), 0.3},
+                      {1, on_table(0.35, 1.25), 0.1},
+                      {3, on_table(-0.10, 1.05), 0},
+                      {7, on_table(0.15, 1.30), 0},
+                      {9, on_counter(-0.60, 2.25), 0.2},
+                      {6, on_counter(0.55, 2.30), 0},
+                      {2, on_counter(0.05, 2.40), -0.4}},
+                     {{1, 0.05, 0.30, on_counter(0.25, 2.25)},
+                      {4, 0.35, 0.60, on_table(-0.25, 1.30)},
+                      {3, 0.65, 0.80, kAway},
+                      {2, 0.80, 0.97, on_counter(-0.25, 2.25)}});
+}
+
 Story robot_table() {
   return [](double t) {
     Scene scene = table_story(laid_table(), {})(0);
@@ -224,10 +240,17 @@ struct Named {
   const char* name;
   std::size_t frames;
 };
-constexpr Named kNames[] = {{"table_moves", 180}, {"table_removals", 180},  {"table_occlusion", 150},
-                            {"robot_table", 150}, {"people_crossing", 300}, {"window", 200},
-                            {"hall", 300},        {"crowd", 120},           {"empty_room", 30},
-                            {"random_kitchen", 8}};
+constexpr Named kNames[] = {{"table_moves", 180},
+                            {"table_removals", 180},
+                            {"table_occlusion", 150},
+                            {"robot_table", 150},
+                            {"people_crossing", 300},
+                            {"window", 200},
+                            {"hall", 300},
+                            {"crowd", 120},
+                            {"empty_room", 30},
+                            {"random_kitchen", 8},
+                            {"table_and_counter", 180}};
 
 }  // namespace
 
@@ -289,12 +312,14 @@ std::optional<SyntheticSequence> make_sequence(std::string_view name, const Sequ
                              options.seed);
   };
   if (name.starts_with("table") || name == "robot_table" || name == "random_kitchen") {
-    const Eigen::Isometry3d camera = look_at({0, 0.20, 1.42}, {0, 1.16, 0.78});
-    Story story = name == "table_moves"      ? table_moves()
-                  : name == "table_removals" ? table_removals()
-                  : name == "robot_table"    ? robot_table()
-                  : name == "random_kitchen" ? random_story(options.seed, frames)
-                                             : table_occlusion();
+    const Eigen::Isometry3d camera = name == "table_and_counter" ? look_at({0, 0.10, 1.65}, {0, 1.60, 0.78})
+                                                                 : look_at({0, 0.20, 1.42}, {0, 1.16, 0.78});
+    Story story = name == "table_moves"         ? table_moves()
+                  : name == "table_and_counter" ? table_and_counter()
+                  : name == "table_removals"    ? table_removals()
+                  : name == "robot_table"       ? robot_table()
+                  : name == "random_kitchen"    ? random_story(options.seed, frames)
+                                                : table_occlusion();
     return make(camera, table_room(), std::move(story));
   }
   const Eigen::Isometry3d camera = look_at({0, 0, 1.25}, {0, 3, 1.10});

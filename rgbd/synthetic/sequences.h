@@ -4,6 +4,7 @@
 //   table_removals    the same; objects are carried away, and one comes that was not there
 //   table_occlusion   the same; a large box is put in front of smaller things and taken away again
 //   random_kitchen    the same table; in each frame another thing has been moved, taken away or put there
+//   table_and_counter from farther away: things on the table and on the higher counter at the wall, and carried between them
 //   robot_table       the robot's arm moves over the table, at up to a metre a second
 //   people_crossing   a room 5.5 m deep; two people cross, one in front of the other
 //   window            the same with windows and a glass door; one person walks past and stops in front of them

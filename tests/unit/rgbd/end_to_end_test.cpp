@@ -151,13 +151,16 @@ void print(const Score& score) {
              text_of("class", score.classes), text_of("belief", score.belief), score.identities, score.things);
 }
 
-void expect_right(const Score& score) {
+void expect_right(const Score& score, double least_shapes = 0.9) {
   EXPECT_GE(score.recall.rate(), 0.95);
   EXPECT_GE(score.precision.rate(), 0.95);
-  EXPECT_GE(score.shapes.rate(), 0.9);
+  EXPECT_GE(score.shapes.rate(), least_shapes);
   EXPECT_GE(score.classes.rate(), 0.9);
   EXPECT_GE(score.belief.rate(), 0.95);
-  // No object is invented but one in twenty.
+}
+
+// No object is invented but one in twenty.
+void expect_few_inventions(const Score& score) {
   EXPECT_LE(static_cast<double>(score.identities), 1.05 * static_cast<double>(score.things));
 }
 
@@ -171,6 +174,19 @@ TEST(EndToEnd, BeliefsAboutSyntheticKitchensAreTrue) {
   }
   print(score);
   expect_right(score);
+  expect_few_inventions(score);
+}
+
+TEST(EndToEnd, ThingsOnATableAndOnACounterBehindItAreFollowed) {
+  Score score;
+  for (const std::uint64_t seed : {1U, 2U}) {
+    follow(*make_sequence("table_and_counter", {.seed = seed}), 10, score);
+    if (HasFatalFailure()) return;
+  }
+  print(score);
+  // At 2.3 m depth is off by 7 mm: a carton of 7.5 cm may be a can.
+  expect_right(score, 0.8);
+  EXPECT_LE(score.identities, score.things + 2);
 }
 
 TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
@@ -181,6 +197,7 @@ TEST(EndToEnd, RandomKitchensAreMostlyUnderstood) {
   }
   print(score);
   expect_right(score);
+  expect_few_inventions(score);
 }
 
 }  // namespace

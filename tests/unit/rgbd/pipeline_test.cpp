@@ -413,7 +413,7 @@ TEST_F(KitchenTable, ClustersPixelsAndPosesAreOneThing) {
   const TrueFrame truth = sequence().frame(0);
   const Perceived perceived = look(all, truth.frame);
   const auto& things = perceived.analysis.view<Hypotheses>("things")->things;
-  const auto* table = perceived.analysis.view<Table>("table");
+  const Table* table = &perceived.analysis.view<std::vector<Table>>("tables")->at(0);
   const Calibration& calibration = sequence().calibration();
   const Eigen::Isometry3d to_camera = sequence().camera().inverse();
   for (std::size_t i = 0; i < things.size(); ++i) {

@@ -1,0 +1,127 @@
+#include "rgbd/objects/walls.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <random>
+#include <utility>
+
+namespace sherlog::rgbd {
+namespace {
+
+// An upright plane, seen from above: a line.
+struct Line {
+  Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  // away from the table
+  double offset = 0;
+  double beyond(double x, double y) const { return normal.x() * x + normal.y() * y - offset; }
+};
+
+// What is beyond the table's rim, or at it, and how far its measurements are off.
+class WallFinder {
+ public:
+  WallFinder(const cv::Mat3f& points, const Table& table) {
+    error_ = depth_error(table.pose.translation().z());
+    const int reach = static_cast<int>((0.02 + 3 * error_) / table.cell) + 1;
+    cv::Mat1b inner;
+    cv::erode(table.raster, inner, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
+    std::vector<cv::Point> cells, corners;
+    cv::findNonZero(table.raster, cells);
+    cv::convexHull(cells, corners);
+    for (const cv::Point& cell : corners)
+      hull_.push_back(table.raster_origin + table.cell * Eigen::Vector2d(cell.x, cell.y));
+    const int step = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(points.total()) / 20'000)));
+    for (int y = step / 2; y < points.rows; y += step) {
+      for (int x = step / 2; x < points.cols; x += step) {
+        const cv::Vec3f& p = points(y, x);
+        if (p[2] < kLow || p[2] > kHigh) continue;
+        const auto column = static_cast<int>((p[0] - table.raster_origin.x()) / table.cell),
+                   row = static_cast<int>((p[1] - table.raster_origin.y()) / table.cell);
+        const bool is_inner = column >= 0 && row >= 0 && column < inner.cols && row < inner.rows && inner(row, column);
+        if (!is_inner) candidates_.emplace_back(p[0], p[1], p[2]);
+      }
+    }
+  }
+
+  std::vector<Line> find() {
+    constexpr int kMostWalls = 3;
+    std::vector<Line> walls;
+    while (walls.size() < kMostWalls) {
+      const std::optional<Line> wall = best();
+      if (!wall) break;
+      walls.push_back(*wall);
+      std::erase_if(candidates_, [&](const Eigen::Vector3d& p) { return wall->beyond(p.x(), p.y()) > -tolerance(); });
+    }
+    return walls;
+  }
+  double tolerance() const { return std::max(0.01, 3 * error_); }
+
+ private:
+  static constexpr float kLow = 0.02F, kHigh = 1.5F;
+
+  std::optional<Line> best() {
+    constexpr int kTrials = 120;
+    constexpr std::size_t kFewest = 60;
+    std::optional<Line> best;
+    std::size_t most = kFewest;
+    for (int trial = 0; trial < kTrials && candidates_.size() > kFewest; ++trial) {
+      const Eigen::Vector3d &a = any(), &b = any();
+      const Eigen::Vector2d along = (b - a).head<2>();
+      if (along.norm() < 0.15) continue;
+      Line line{Eigen::Vector2d(along.y(), -along.x()).normalized(), 0};
+      line.offset = line.normal.dot(a.head<2>());
+      if (line.beyond(0, 0) > 0) line = {-line.normal, -line.offset};
+      const bool bounds =
+          std::ranges::all_of(hull_, [&](const Eigen::Vector2d& p) { return line.beyond(p.x(), p.y()) < tolerance(); });
+      if (!bounds) continue;
+      const auto votes = static_cast<std::size_t>(std::ranges::count_if(
+          candidates_, [&](const Eigen::Vector3d& p) { return std::abs(line.beyond(p.x(), p.y())) < tolerance(); }));
+      if (votes > most && is_wall(line)) most = votes, best = line;
+    }
+    return best;
+  }
+
+  // Wide, upright and covered.
+  bool is_wall(const Line& line) const {
+    constexpr double kCell = 0.04, kLeastWidth = 0.4, kLeastHeight = 0.15, kLeastCover = 0.4;
+    std::vector<std::pair<int, int>> cells;
+    for (const Eigen::Vector3d& p : candidates_) {
+      if (std::abs(line.beyond(p.x(), p.y())) >= tolerance()) continue;
+      cells.emplace_back(cvFloor((line.normal.x() * p.y() - line.normal.y() * p.x()) / kCell), cvFloor(p.z() / kCell));
+    }
+    std::ranges::sort(cells);
+    cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+    const auto [left, right] = std::ranges::minmax(cells, {}, &std::pair<int, int>::first);
+    const auto [low, high] = std::ranges::minmax(cells, {}, &std::pair<int, int>::second);
+    const int columns = right.first - left.first + 1, rows = high.second - low.second + 1;
+    return columns * kCell > kLeastWidth && rows * kCell > kLeastHeight &&
+           static_cast<double>(cells.size()) > kLeastCover * columns * rows;
+  }
+
+  const Eigen::Vector3d& any() { return candidates_[random_() % candidates_.size()]; }
+
+  double error_ = 0;
+  std::vector<Eigen::Vector2d> hull_;
+  std::vector<Eigen::Vector3d> candidates_;
+  std::mt19937_64 random_{7};
+};
+
+}  // namespace
+
+MaskImage behind_walls(const cv::Mat3f& points, const Table& table) {
+  WallFinder finder(points, table);
+  const std::vector<Line> walls = finder.find();
+  MaskImage mask(points.size(), std::uint8_t{0});
+  for (int y = 0; y < points.rows && !walls.empty(); ++y) {
+    for (int x = 0; x < points.cols; ++x) {
+      const cv::Vec3f& p = points(y, x);
+      if (p[2] < -5) continue;
+      for (const Line& wall : walls) {
+        if (wall.beyond(p[0], p[1]) > -finder.tolerance()) mask(y, x) = 255;
+      }
+    }
+  }
+  return mask;
+}
+
+}  // namespace sherlog::rgbd
