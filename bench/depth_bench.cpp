@@ -145,7 +145,7 @@ void print_segmentation() {
       to_disparity(ours.inpainted(), alone);
       MaskImage nearer, outline;
       cv::compare(ours.background().disparity() - alone, 4.0, nearer, cv::CMP_GT);
-      majority_of_nine(nearer, outline);
+      vote_of_nine(nearer, {}, outline);
       of_pyramid.add(outline, t.foreground);
       to_disparity(t.frame.depth, gaps);
       gaps.setTo(0.0F, gaps < 0.0F);
@@ -153,10 +153,10 @@ void print_segmentation() {
       t.frame.depth.convertTo(eight_bits, CV_8U, 255.0 / 10000);
       const cv::Mat inputs[] = {eight_bits, gaps, result.disparity};
       for (std::size_t k = 0; k < 3; ++k) {
-        MaskImage mask, majority;
+        MaskImage mask, voted;
         mixtures[k]->apply(inputs[k], mask);
-        majority_of_nine(mask, majority);
-        of_mixtures[k].add(majority, t.foreground);
+        vote_of_nine(mask, t.frame.depth, voted);
+        of_mixtures[k].add(voted, t.foreground);
       }
     }
     fmt::print("{:16} {:7.3f} {:7.3f} {:7.3f} {:7.3f} {:9.3f} {:9.3f} {:10.3f} {:10.3f} {:10.3f}\n", name,

@@ -54,7 +54,7 @@ void gradient_magnitude(const DisparityImage& disparity, cv::Mat1f& magnitude) {
   over_gradients(disparity, magnitude, [](float dx, float dy) { return std::sqrt(dx * dx + dy * dy); });
 }
 
-void majority_of_nine(const MaskImage& mask, MaskImage& result) {
+void vote_of_nine(const MaskImage& mask, const DepthImage& measured, MaskImage& result) {
   result.create(mask.size());
   const int width = mask.cols;
   std::vector<std::uint8_t> column(static_cast<std::size_t>(width) + 2, std::uint8_t{0});  // one to either side
@@ -67,8 +67,12 @@ void majority_of_nine(const MaskImage& mask, MaskImage& result) {
       if (row == nullptr) continue;
       for (int x = 0; x < width; ++x) sum[x] = static_cast<std::uint8_t>(sum[x] + (row[x] & 1));
     }
+    const std::uint16_t* depth = measured.empty() ? nullptr : measured[y];
     std::uint8_t* __restrict out = result[y];
-    for (int x = 0; x < width; ++x) out[x] = sum[x - 1] + sum[x] + sum[x + 1] >= 5 ? 255 : 0;
+    for (int x = 0; x < width; ++x) {
+      const int needed = here[x] != 0 ? 3 : depth != nullptr && depth[x] == 0 ? 4 : 5;
+      out[x] = sum[x - 1] + sum[x] + sum[x + 1] >= needed ? 255 : 0;
+    }
   }
 }
 
@@ -176,14 +180,14 @@ const PreprocessedDepth& DepthPreprocessing::next(const DepthImage& depth, const
   gradient_direction(d, result_.direction);
   background_.update(d, *shown, result_.direction, depth);
   background_.weigh(d, *shown, result_.direction, foreground_, result_.weight);
-  MaskImage& above = foreground_.majority ? above_ : result_.foreground;
+  MaskImage& above = foreground_.vote ? above_ : result_.foreground;
   above.create(d.size());
   for (int y = 0; y < d.rows; ++y) {
     const float* weight = result_.weight[y];
     std::uint8_t* out = above[y];
     for (int x = 0; x < d.cols; ++x) out[x] = weight[x] > foreground_.threshold ? 255 : 0;
   }
-  if (foreground_.majority) majority_of_nine(above_, result_.foreground);
+  if (foreground_.vote) vote_of_nine(above_, depth, result_.foreground);
   return result_;
 }
 

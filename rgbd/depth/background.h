@@ -37,7 +37,7 @@ struct ForegroundOptions {
   // Share of the depth's weight that counts where a pixel is farther than the background: 1 as printed. Nothing can be
   // there, it is the estimate that still has to follow.
   float farther = 1.0F;
-  bool majority = false;  // foreground is what at least five of the 3 x 3 pixels are: not in the paper
+  bool vote = false;  // vote_of_nine on what is above the threshold: not in the paper
 };
 
 // Eq. 6 as printed: colour, steps and degrees count the same.
@@ -45,7 +45,7 @@ inline ForegroundOptions printed_weights() { return {}; }
 // For depth alone: 4 steps, eight times the noise. Colour and the direction of walls, which is noise, would only blur
 // it.
 inline ForegroundOptions depth_weights() {
-  return {.colour = 0.0F, .depth = 50.0F, .angle = 0.0F, .threshold = 200.0F, .farther = 0.0F, .majority = true};
+  return {.colour = 0.0F, .depth = 50.0F, .angle = 0.0F, .threshold = 200.0F, .farther = 0.0F, .vote = true};
 }
 
 // Eq. 5, radians, by central differences, one-sided at the border; 0 for a plane that faces the camera. The polynomial
@@ -53,8 +53,11 @@ inline ForegroundOptions depth_weights() {
 void gradient_direction(const DisparityImage& disparity, cv::Mat1f& direction);
 void gradient_magnitude(const DisparityImage& disparity, cv::Mat1f& magnitude);  // steps a pixel
 
-// 255 where at least five of the 3 x 3 pixels are; outside of the image there are none. The two must not share pixels.
-void majority_of_nine(const MaskImage& mask, MaskImage& result);
+// Closes holes and removes specks of a mask: 255 where enough of the 3 x 3 pixels are. One that is itself needs two more,
+// one that is not needs five. A gap of `measured` (empty: there is none) needs four: it has been taken for background,
+// but a quarter of an outline's pixels are gaps, and beside a straight outline no more than three pixels are of the mask.
+// Outside of the image there is nothing. Mask and result must not share pixels.
+void vote_of_nine(const MaskImage& mask, const DepthImage& measured, MaskImage& result);
 
 class BackgroundModel {
  public:
@@ -95,7 +98,7 @@ struct PreprocessedDepth {
   DisparityImage disparity;  // without gaps, unless the sequence has begun with nothing but gaps
   cv::Mat1f direction;       // of its gradient
   cv::Mat1f weight;          // Eq. 6
-  MaskImage foreground;      // weight above the threshold, of the majority where asked for
+  MaskImage foreground;      // weight above the threshold, by vote where asked for
 };
 
 // Alg. 3 with the segmentation: the whole chain, frame after frame. Keeps its memory.
