@@ -2,7 +2,7 @@
 # To add a target: depend on `setup` (or on `build`, which does), keep it a few lines, name it under `help`.
 
 .DEFAULT_GOAL := build
-.PHONY: help setup build demo demo-perception test check-long bench format lint fuzz docs sanitize fusion figures install clean
+.PHONY: help setup build demo demo-perception test check-long bench format lint fuzz docs sanitize fusion figures figures-rgbd install clean
 
 JOBS ?= $(shell nproc)
 FUZZ_SECONDS ?= 60
@@ -21,6 +21,7 @@ help:
 	@echo 'make lint        clang-format --dry-run and clang-tidy'
 	@echo 'make fusion      the information-fusion experiment on synthetic scenes, or on DATA=SCENES.db'
 	@echo 'make figures     the four-table evaluation (Fig. 10) and the kitchen scenes (Fig. 11) in build/figures, about two minutes'
+	@echo 'make figures-rgbd  the pictures of the depth and nearest-neighbour papers in build/figures/rgbd, about a minute'
 	@echo 'make docs        docs/commands.md from --help, and a check of all links in the documents'
 	@echo 'make install     to PREFIX (/usr/local)'
 
@@ -88,6 +89,14 @@ figures: build
 	build/bin/sherlog scenes import build/figures/kitchen.db examples/scenes/figure11.jsonl
 	build/bin/sherlog track show build/figures/kitchen.db --scene plates-after --against plates-before --svg build/figures/figure11a.svg
 	build/bin/sherlog track show build/figures/kitchen.db --scene table-after --against table-before --svg build/figures/figure11b.svg
+
+# Pictures of docs/experiments/depth.md and nearest.md.
+figures-rgbd: setup
+	cmake --preset bench
+	cmake --build --preset bench -j $(JOBS) --target bench_depth_bench bench_nearest_bench
+	@mkdir -p build/figures/rgbd
+	build/bench-build/bench/depth_bench --pictures build/figures/rgbd
+	build/bench-build/bench/nearest_bench --pictures build/figures/rgbd
 
 install: build
 	cmake --build --preset release -j $(JOBS)

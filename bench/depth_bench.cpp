@@ -1,7 +1,7 @@
 // Depth preprocessing on one core: each stage and the whole chain at 640 x 480 beside a plain OpenCV step (a 3 x 3
 // median of 16-bit pixels), time per pixel over sizes, and the known-structure filter. `depth_bench --scores` prints no
-// times but how good it is: F-measures against OpenCV's MOG2 on every synthetic sequence, outlines, shares of known
-// pixels and of objects.
+// times but how good it is: F, precision, recall, accuracy and outlines against OpenCV's MOG2 and GMG on every synthetic
+// sequence, shares of known pixels and of objects. `depth_bench --pictures FOLDER` draws the figures of the paper.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
@@ -12,6 +12,8 @@
 #include <string_view>
 #include <vector>
 
+#include "bench/background_rivals.h"
+#include "bench/depth_pictures.h"
 #include "rgbd/depth/background.h"
 #include "rgbd/depth/known_structure.h"
 #include "rgbd/depth/mask_scores.h"
@@ -124,45 +126,36 @@ BENCHMARK(KnownStructure)->Unit(benchmark::kMillisecond);
 // --- how good
 
 void print_segmentation() {
-  fmt::print("{:16} {:>7} {:>7} {:>7} {:>7} {:>9} {:>9} {:>10} {:>10} {:>10}\n", "F (and overlap)", "ours", "overlap",
-             "tau .8", "printed", "pyramid", "overlap", "MOG2 8bit", "MOG2 disp", "MOG2 + E12");
+  std::vector<std::string> names = {"ours", "ours, tau 0.8", "Eq. 6 as printed", "pyramid alone"};
+  for (const std::string& name : Rivals::names()) names.push_back(name);
   for (const std::string& name : sequence_names()) {
     if (name == "empty_room" || name == "crowd" || name == "random_kitchen") continue;
     const auto sequence = make_sequence(name);
     BackgroundOptions slow;
     slow.tau = 0.8F;
     DepthPreprocessing ours, slower(slow), printed({}, printed_weights());
-    std::vector<cv::Ptr<cv::BackgroundSubtractorMOG2>> mixtures;
-    for (int i = 0; i < 3; ++i) mixtures.push_back(cv::createBackgroundSubtractorMOG2(500, 16, false));
-    MaskScores of_ours, of_slower, of_printed, of_pyramid, of_mixtures[3];
+    Rivals rivals;
+    std::vector<MaskScores> scores(names.size());
     for (std::size_t i = 0; i < sequence->size(); ++i) {
       const TrueFrame t = sequence->frame(i);
       const PreprocessedDepth& result = ours.next(t.frame.depth, t.frame.colour);
-      of_ours.add(result.foreground, t.foreground);
-      of_slower.add(slower.next(t.frame.depth, t.frame.colour).foreground, t.foreground);
-      of_printed.add(printed.next(t.frame.depth, t.frame.colour).foreground, t.foreground);
-      DisparityImage alone, gaps;
-      to_disparity(ours.inpainted(), alone);
-      MaskImage nearer, outline;
-      cv::compare(ours.background().disparity() - alone, 4.0, nearer, cv::CMP_GT);
-      vote_of_nine(nearer, {}, outline);
-      of_pyramid.add(outline, t.foreground);
-      to_disparity(t.frame.depth, gaps);
-      gaps.setTo(0.0F, gaps < 0.0F);
-      cv::Mat eight_bits;
-      t.frame.depth.convertTo(eight_bits, CV_8U, 255.0 / 10000);
-      const cv::Mat inputs[] = {eight_bits, gaps, result.disparity};
-      for (std::size_t k = 0; k < 3; ++k) {
-        MaskImage mask, voted;
-        mixtures[k]->apply(inputs[k], mask);
-        vote_of_nine(mask, t.frame.depth, voted);
-        of_mixtures[k].add(voted, t.foreground);
-      }
+      const std::vector<MaskImage>& masks = rivals.next(t.frame, result.disparity);
+      const PreprocessedDepth &by_slower = slower.next(t.frame.depth, t.frame.colour),
+                              &by_printed = printed.next(t.frame.depth, t.frame.colour);
+      if (i < GmgOptions().first_frames) continue;  // until all of them have a background
+      auto score = scores.begin();
+      (score++)->add(result.foreground, t.foreground);
+      (score++)->add(by_slower.foreground, t.foreground);
+      (score++)->add(by_printed.foreground, t.foreground);
+      (score++)->add(outline_by_pyramid(ours), t.foreground);
+      for (const MaskImage& mask : masks) (score++)->add(mask, t.foreground);
     }
-    fmt::print("{:16} {:7.3f} {:7.3f} {:7.3f} {:7.3f} {:9.3f} {:9.3f} {:10.3f} {:10.3f} {:10.3f}\n", name,
-               of_ours.f_measure(), of_ours.overlap(), of_slower.f_measure(), of_printed.f_measure(),
-               of_pyramid.f_measure(), of_pyramid.overlap(), of_mixtures[0].f_measure(), of_mixtures[1].f_measure(),
-               of_mixtures[2].f_measure());
+    fmt::print("{:22} {:>9} {:>9} {:>9} {:>9} {:>9}\n", name, "F", "precision", "recall", "accuracy", "overlap");
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const MaskScores& s = scores[i];
+      fmt::print("  {:20} {:9.3f} {:9.3f} {:9.3f} {:9.4f} {:9.3f}\n", names[i], s.f_measure(), s.precision(),
+                 s.recall(), s.accuracy(), s.overlap());
+    }
     std::fflush(stdout);
   }
 }
@@ -207,6 +200,10 @@ int main(int argc, char** argv) {
     print_segmentation();
     print_known_structure();
     return 0;
+  }
+  if (argc == 3 && std::string_view(argv[1]) == "--pictures") {
+    cv::setNumThreads(1);
+    return write_depth_pictures(argv[2]) ? 0 : 1;
   }
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;

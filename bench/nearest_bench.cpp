@@ -1,8 +1,8 @@
 // Nearest keypoint of every pixel: along the Hilbert curve against a kd-tree (nanoflann, exact), at the sizes of the
 // paper's figures. The two numbers to compare are rows of one run; what is done once for an image size is a row of its
-// own. `nearest_bench --figures [FOLDER]` prints what the paper's other figures show: distances on the curve and in the
-// plane, accuracy, time over the size of the curve and over the number of keypoints. With a folder it writes the cells
-// of 240 keypoints as two pictures.
+// own. `nearest_bench --figures` prints what the paper's other figures show: distances on the curve and in the plane,
+// accuracy, time over the size of the curve and over the number of keypoints. `nearest_bench --pictures FOLDER` draws
+// the cells of 240 keypoints, and where the curve begins to pay.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
@@ -11,11 +11,13 @@
 #include <cmath>
 #include <filesystem>
 #include <nanoflann.hpp>
+#include <optional>
 #include <random>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "bench/chart.h"
 #include "rgbd/frames/png.h"
 #include "rgbd/nearest/hilbert_curve.h"
 #include "rgbd/nearest/keypoint_queue.h"
@@ -24,6 +26,7 @@
 namespace {
 
 using namespace sherlog::rgbd;
+using sherlog::chart, sherlog::ChartLine, sherlog::ChartPanel, sherlog::write_text;
 
 struct Case {
   std::int32_t width, height;
@@ -234,48 +237,132 @@ bool print_slope() {
   return slope > 0.8 && slope < 1.2;
 }
 
-// Where the curve begins to pay: one keypoint and more, against looking at all keypoints and against the tree.
-void print_crossover() {
-  fmt::print(
-      "Keypoints, nanoseconds a pixel: all pixels by the curve, a query of the queue, all keypoints, tree (640 x "
-      "480)\n");
-  const Case size{640, 480, 0};
-  const HilbertMap map = make_hilbert_map(size.width, size.height);
+// Seconds a pixel for so many keypoints, the tables apart: all pixels by the curve, a query of the queue, looking at all
+// keypoints, and the tree. What is made once for a set of keypoints is shared among the pixels.
+struct PixelTimes {
+  std::size_t keypoints;
+  double curve, queue, all, tree;
+};
+
+PixelTimes pixel_times(const HilbertMap& map, const Case& c) {
+  const std::vector<Pixel> points = keypoints(c);
+  const double pixels = static_cast<double>(c.width) * c.height;
+  std::vector<Pixel> queries;  // at most 65,536, in rows
+  const auto stride = static_cast<std::int32_t>(std::max(1.0, std::ceil(pixels / 65536)));
+  for (std::int32_t i = 0; i < c.width * c.height; i += stride) queries.push_back({i % c.width, i / c.width});
+  const auto seconds_a_pixel = [&](int runs, auto prepare, auto query) {
+    const double once = seconds_of(runs, prepare);
+    const double each = seconds_of(runs, [&] {
+      for (const Pixel q : queries) benchmark::DoNotOptimize(query(q));
+    });
+    return once / pixels + each / static_cast<double>(queries.size());
+  };
+  PixelTimes times{.keypoints = c.keypoints, .curve = 0, .queue = 0, .all = 0, .tree = 0};
   NearestMap nearest(map);
+  times.curve = seconds_of(5, [&] { nearest.assign(points); }) / pixels;
   KeypointQueue queue(map);
-  const double pixels = static_cast<double>(size.width) * size.height;
-  for (const std::size_t count : {1U, 2U, 5U, 10U, 20U, 50U, 100U, 500U, 2000U}) {
-    const std::vector<Pixel> points = keypoints({size.width, size.height, count});
-    const auto over_pixels = [&](auto query) {
-      for (std::int32_t y = 0; y < size.height; ++y) {
-        for (std::int32_t x = 0; x < size.width; ++x) query(Pixel{x, y});
-      }
-    };
-    std::vector<std::uint32_t> found;
-    const double by_curve = seconds_of(5, [&] { nearest.assign(points); });
-    const double by_queue = seconds_of(2, [&] {
-      queue.assign(points);
-      over_pixels([&](Pixel q) {
+  std::vector<std::uint32_t> found;
+  times.queue = seconds_a_pixel(
+      3, [&] { queue.assign(points); },
+      [&](Pixel q) {
         found.clear();
         queue.nearest(q, 1, found);
-        benchmark::DoNotOptimize(found.data());
+        return found[0];
       });
-    });
-    const double by_all = seconds_of(1, [&] {
-      over_pixels([&](Pixel q) {
+  times.all = seconds_a_pixel(
+      2, [] {},
+      [&](Pixel q) {
         std::int32_t best = 1 << 30;
         std::uint32_t which = 0;
         for (std::uint32_t k = 0; k < points.size(); ++k) {
           const std::int32_t dx = points[k].x - q.x, dy = points[k].y - q.y, squared = dx * dx + dy * dy;
           if (squared < best) best = squared, which = k;
         }
-        benchmark::DoNotOptimize(which);
+        return which;
       });
-    });
-    const double by_tree = seconds_of(1, [&] { benchmark::DoNotOptimize(cells_by_tree(size, points).data()); });
-    fmt::print("  {:4}  {:7.2f}  {:7.1f}  {:7.1f}  {:7.1f}\n", count, 1e9 * by_curve / pixels, 1e9 * by_queue / pixels,
-               1e9 * by_all / pixels, 1e9 * by_tree / pixels);
+  const Cloud cloud{points};
+  std::optional<Tree> tree;
+  times.tree = seconds_a_pixel(
+      3, [&] { tree.emplace(2, cloud); },
+      [&](Pixel q) {
+        const float query[2] = {static_cast<float>(q.x), static_cast<float>(q.y)};
+        std::uint32_t which = 0;
+        float squared = 0.0f;
+        tree->knnSearch(query, 1, &which, &squared);
+        return which;
+      });
+  return times;
+}
+
+constexpr std::size_t kCounts[] = {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000};
+
+std::vector<PixelTimes> times_over_keypoints(std::int32_t width, std::int32_t height) {
+  const HilbertMap map = make_hilbert_map(width, height);
+  std::vector<PixelTimes> rows;
+  for (const std::size_t count : kCounts) rows.push_back(pixel_times(map, {width, height, count}));
+  return rows;
+}
+
+// Where the curve begins to pay: one keypoint and more, against looking at all keypoints and against the tree.
+void print_crossover(const std::vector<PixelTimes>& rows) {
+  fmt::print("Keypoints, nanoseconds a pixel: all pixels by the curve, a query of the queue, all keypoints, tree\n");
+  for (const PixelTimes& t : rows) {
+    fmt::print("  {:4}  {:7.2f}  {:7.1f}  {:7.1f}  {:7.1f}\n", t.keypoints, 1e9 * t.curve, 1e9 * t.queue, 1e9 * t.all,
+               1e9 * t.tree);
   }
+}
+
+// Number of keypoints from which the queue is faster than `other`, between two numbers that were tried; 0: never.
+double crossover(const std::vector<PixelTimes>& rows, double PixelTimes::*other) {
+  const auto excess = [&](const PixelTimes& t) { return std::log(t.queue / (t.*other)); };
+  std::size_t last = rows.size();  // the last number where it is slower
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (excess(rows[i]) > 0) last = i;
+  }
+  if (last == rows.size()) return 1;
+  if (last + 1 == rows.size()) return 0;
+  const double a = excess(rows[last]), b = excess(rows[last + 1]);
+  const double low = std::log(static_cast<double>(rows[last].keypoints)),
+               high = std::log(static_cast<double>(rows[last + 1].keypoints));
+  return std::exp(low + (high - low) * a / (a - b));
+}
+
+bool write_crossover(const std::filesystem::path& folder) {
+  ChartPanel times{"Time for a pixel, 640 x 480", "keypoints n", "nanoseconds", {}, true, true};
+  ChartPanel ratios{
+      "A query of the queue to the tree", "keypoints n", "time of ours / time of the kd-tree", {}, true, true};
+  ChartPanel crossovers{"Where the queue begins to pay", "lg C", "keypoints n", {}};
+  crossovers.lines = {{"against looking at all", {}}, {"against the tree", {}}, {"n = lg C", {}, true}};
+  std::string csv = "width,height,lg_c,keypoints,curve_ns,queue_ns,all_ns,tree_ns\n";
+  for (const auto& [width, height] :
+       {std::pair{64, 64}, {128, 128}, {256, 256}, {512, 512}, {640, 480}, {2048, 2048}}) {
+    const double lg_c = 2 * std::ceil(std::log2(std::max(width, height)));
+    const std::vector<PixelTimes> rows = times_over_keypoints(width, height);
+    ChartLine curve{"all pixels by the curve (theorem 1)", {}}, queue{"a query of the queue (theorem 2)", {}},
+        all{"looking at all keypoints", {}}, tree{"kd-tree", {}}, ratio{fmt::format("lg C = {}", lg_c), {}};
+    for (const PixelTimes& t : rows) {
+      const auto n = static_cast<double>(t.keypoints);
+      curve.points.emplace_back(n, 1e9 * t.curve), queue.points.emplace_back(n, 1e9 * t.queue);
+      all.points.emplace_back(n, 1e9 * t.all), tree.points.emplace_back(n, 1e9 * t.tree);
+      ratio.points.emplace_back(n, t.queue / t.tree);
+      csv += fmt::format("{},{},{},{},{:.2f},{:.2f},{:.2f},{:.2f}\n", width, height, lg_c, t.keypoints, 1e9 * t.curve,
+                         1e9 * t.queue, 1e9 * t.all, 1e9 * t.tree);
+    }
+    if (width == 640) {
+      times.lines = {curve, queue, all, tree};
+      times.lines.push_back({"n = lg C", {{lg_c, curve.points[0].second}, {lg_c, all.points.back().second}}, true});
+      print_crossover(rows);
+    }
+    if (lg_c == 12 || lg_c == 16 || lg_c == 20 || lg_c == 22) ratios.lines.push_back(ratio);
+    const double by_all = crossover(rows, &PixelTimes::all), by_tree = crossover(rows, &PixelTimes::tree);
+    if (by_all > 0) crossovers.lines[0].points.emplace_back(lg_c, by_all);
+    if (by_tree > 0) crossovers.lines[1].points.emplace_back(lg_c, by_tree);
+    crossovers.lines[2].points.emplace_back(lg_c, lg_c);
+    fmt::print("{} x {}, lg C = {}: a query of the queue pays from {:.0f} keypoints, against the tree from {:.0f}\n",
+               width, height, lg_c, by_all, by_tree);
+  }
+  return write_text(folder / "crossover.svg", chart({times, ratios, crossovers}, 400, 320)) &&
+         write_text(folder / "crossover.csv", csv);
 }
 
 bool write_cells(const std::filesystem::path& folder) {
@@ -286,16 +373,23 @@ bool write_cells(const std::filesystem::path& folder) {
   for (cv::Vec3b& colour : colours) {
     for (int channel = 0; channel < 3; ++channel) colour[channel] = static_cast<std::uint8_t>(random() % 256);
   }
-  const auto write = [&](const char* name, const std::vector<std::uint32_t>& cells) {
-    cv::Mat3b image(c.height, c.width);
-    std::ranges::transform(cells, image.begin(), [&](std::uint32_t k) { return colours[k]; });
-    std::string problem;
-    const bool is_written = write_png(folder / name, image, problem);
-    if (!is_written) fmt::print(stderr, "{}\n", problem);
-    return is_written;
-  };
-  return write("cells_curve.png", cells_by_curve(make_hilbert_map(c.width, c.height), points)) &&
-         write("cells_exact.png", cells_by_tree(c, points));
+  const auto curve = cells_by_curve(make_hilbert_map(c.width, c.height), points), exact = cells_by_tree(c, points);
+  cv::Mat3b image(c.height, 2 * c.width + 8, cv::Vec3b(255, 255, 255));
+  double equal = 0;
+  for (std::int32_t y = 0; y < c.height; ++y) {
+    for (std::int32_t x = 0; x < c.width; ++x) {
+      const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width) + static_cast<std::size_t>(x);
+      image(y, x) = colours[curve[pixel]];
+      image(y, x + c.width + 8) = colours[exact[pixel]];
+      equal += curve[pixel] == exact[pixel] ? 1 : 0;
+    }
+  }
+  fmt::print("Cells of {} keypoints: {:.1f} % of the pixels are equal\n", points.size(),
+             100 * equal / (static_cast<double>(c.width) * c.height));
+  std::string problem;
+  if (write_png(folder / "cells.png", image, problem)) return true;
+  fmt::print(stderr, "{}\n", problem);
+  return false;
 }
 
 }  // namespace
@@ -305,8 +399,11 @@ int main(int argc, char** argv) {
     print_distances();
     print_accuracy();
     const bool is_linear = print_slope();
-    print_crossover();
-    return is_linear && (argc < 3 || write_cells(argv[2])) ? 0 : 1;
+    print_crossover(times_over_keypoints(640, 480));
+    return is_linear ? 0 : 1;
+  }
+  if (argc == 3 && std::string_view(argv[1]) == "--pictures") {
+    return write_cells(argv[2]) && write_crossover(argv[2]) ? 0 : 1;
   }
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;

@@ -10,16 +10,22 @@
 namespace sherlog::rgbd {
 
 struct MaskScores {
-  double hits = 0, false_alarms = 0, misses = 0;
+  double hits = 0, false_alarms = 0, misses = 0, rejections = 0;
 
   void add(const MaskImage& said, const MaskImage& truth) {
-    hits += cv::countNonZero(said & truth);
-    false_alarms += cv::countNonZero(said & ~truth);
-    misses += cv::countNonZero(truth & ~said);
+    const double both = cv::countNonZero(said & truth);
+    const double in_said = cv::countNonZero(said), in_truth = cv::countNonZero(truth);
+    hits += both;
+    false_alarms += in_said - both;
+    misses += in_truth - both;
+    rejections += static_cast<double>(truth.total()) - in_said - in_truth + both;
   }
   // Not a number where neither says that anything is there.
   double f_measure() const { return 2 * hits / (2 * hits + false_alarms + misses); }
   double overlap() const { return hits / (hits + false_alarms + misses); }
+  double precision() const { return hits / (hits + false_alarms); }
+  double recall() const { return hits / (hits + misses); }
+  double accuracy() const { return (hits + rejections) / (hits + rejections + false_alarms + misses); }
 };
 
 }  // namespace sherlog::rgbd
