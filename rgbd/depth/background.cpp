@@ -58,6 +58,7 @@ void vote_of_nine(const MaskImage& mask, const DepthImage& measured, MaskImage& 
   result.create(mask.size());
   const int width = mask.cols;
   std::vector<std::uint8_t> column(static_cast<std::size_t>(width) + 2, std::uint8_t{0});  // one to either side
+  std::vector<std::uint8_t> needed(static_cast<std::size_t>(width));
   for (int y = 0; y < mask.rows; ++y) {
     const std::uint8_t* here = mask[y];
     const std::uint8_t *above = y > 0 ? mask[y - 1] : nullptr, *below = y + 1 < mask.rows ? mask[y + 1] : nullptr;
@@ -67,12 +68,17 @@ void vote_of_nine(const MaskImage& mask, const DepthImage& measured, MaskImage& 
       if (row == nullptr) continue;
       for (int x = 0; x < width; ++x) sum[x] = static_cast<std::uint8_t>(sum[x] + (row[x] & 1));
     }
-    const std::uint16_t* depth = measured.empty() ? nullptr : measured[y];
-    std::uint8_t* __restrict out = result[y];
-    for (int x = 0; x < width; ++x) {
-      const int needed = here[x] != 0 ? 3 : depth != nullptr && depth[x] == 0 ? 4 : 5;
-      out[x] = sum[x - 1] + sum[x] + sum[x + 1] >= needed ? 255 : 0;
+    std::uint8_t* __restrict votes = needed.data();
+    for (int x = 0; x < width; ++x) votes[x] = static_cast<std::uint8_t>(5 - 2 * (here[x] & 1));
+    if (!measured.empty()) {
+      const std::uint16_t* depth = measured[y];
+      for (int x = 0; x < width; ++x) {
+        const auto is_gap_outside = static_cast<std::uint8_t>((depth[x] == 0 ? 1 : 0) & ~here[x]);
+        votes[x] = static_cast<std::uint8_t>(votes[x] - is_gap_outside);
+      }
     }
+    std::uint8_t* __restrict out = result[y];
+    for (int x = 0; x < width; ++x) out[x] = sum[x - 1] + sum[x] + sum[x + 1] >= votes[x] ? 255 : 0;
   }
 }
 
