@@ -1,5 +1,5 @@
-// The pictures of the depth paper, from simulated sequences: noise (Figs. 1 and 2), foreground of several methods (Fig. 5)
-// and three ways to fill gaps (Fig. 6).
+// The pictures of the depth paper, from simulated sequences: noise (Figs. 1 and 2), foreground of several methods
+// (Fig. 5) and three ways to fill gaps (Fig. 6).
 #pragma once
 
 #include <fmt/format.h>
@@ -129,7 +129,7 @@ inline bool write_noise(const std::filesystem::path& folder) {
 
 // --- E7: three ways to fill gaps
 
-// From a step of 1 to 3 m with a gap of 24 x 24 pixels across it: pixels in a row of the gap with another value than these.
+// From a step of 1 to 3 m with a gap of 24 x 24 pixels across it: pixels in a row of the gap with another value.
 inline double blur_of_step(const DepthImage& filled) {
   return static_cast<double>(std::ranges::count_if(filled, [](std::uint16_t d) { return d != 1000 && d != 3000; })) /
          24;

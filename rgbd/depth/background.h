@@ -53,10 +53,10 @@ inline ForegroundOptions depth_weights() {
 void gradient_direction(const DisparityImage& disparity, cv::Mat1f& direction);
 void gradient_magnitude(const DisparityImage& disparity, cv::Mat1f& magnitude);  // steps a pixel
 
-// Closes holes and removes specks of a mask: 255 where enough of the 3 x 3 pixels are. One that is itself needs two more,
-// one that is not needs five. A gap of `measured` (empty: there is none) needs four: it has been taken for background,
-// but a quarter of an outline's pixels are gaps, and beside a straight outline no more than three pixels are of the mask.
-// Outside of the image there is nothing. Mask and result must not share pixels.
+// Closes holes and removes specks of a mask: 255 where enough of the 3 x 3 pixels are. One that is itself needs two
+// more, one that is not needs five. A gap of `measured` (empty: there is none) needs four: it has been taken for
+// background, but a quarter of an outline's pixels are gaps, and beside a straight outline no more than three pixels are
+// of the mask. Outside of the image there is nothing. Mask and result must not share pixels.
 void vote_of_nine(const MaskImage& mask, const DepthImage& measured, MaskImage& result);
 
 class BackgroundModel {

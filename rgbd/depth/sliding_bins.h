@@ -1,8 +1,8 @@
 // Mode of a stream of angles by three sliding bins.
 //
 // Idea      A histogram of three bins a third of a turn apart, which slides: where values fall to the reference bin, it
-//           moves toward them and the others with it. A place and four counts: a mixture
-//           of three kinds of angles in constant memory.
+//           moves toward them and the others with it. A place and four counts: a mixture of three kinds of angles in
+//           constant memory.
 //           As printed nothing lets the reference go where it started too far from the mode; here the bin that has
 //           overtaken it becomes the reference, and starts anew with the value that did it. Counts are halved when one
 //           reaches 255, so the estimate can follow a change and fits bytes.
