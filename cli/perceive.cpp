@@ -28,6 +28,7 @@ struct PerceiveArguments {
   std::string mapping = "robosherlock";
   std::vector<std::string> flow;
   std::optional<std::uint64_t> every;
+  std::uint64_t most_people = rgbd::SegmentationOptions().most_means;
   std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
   bool times = false, replace = false, moving = false, labels = false, people = false;
 
@@ -38,7 +39,7 @@ struct PerceiveArguments {
 
 // What has been found in all frames so far.
 struct PerceiveTally {
-  std::uint64_t frames = 0, unreadable = 0, stored = 0, moving = 0, things = 0, answers = 0, people = 0;
+  std::uint64_t frames = 0, unreadable = 0, stored = 0, moving = 0, things = 0, answers = 0, people = 0, crowded = 0;
   std::map<std::string, std::uint64_t> failures;  // "annotator: problem", frames
   Json scenes = Json::array();
   std::string text, evidence;
@@ -124,7 +125,8 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   rgbd::Annotators annotators = rgbd::object_annotators(knowledge);
   if (arguments.people) {
     options.also.emplace_back("sherlog.annotation.Person");
-    for (auto& annotator : rgbd::people_annotators()) annotators.push_back(std::move(annotator));
+    for (auto& annotator : rgbd::people_annotators({.most_means = static_cast<std::size_t>(arguments.most_people)}))
+      annotators.push_back(std::move(annotator));
   }
   auto perception = rgbd::Perception::make(std::move(annotators), std::move(options), problem);
   if (!perception) session.error(problem);
@@ -165,11 +167,18 @@ void add_tracks(Session& session, SceneTracker& tracker, Scene& scene) {
   }
 }
 
-// A line for each person, as it is in the scene.
+// A line for each person, as it is in the scene; and whether there were more than can be followed.
 void tell_people(const Scene& scene, std::uint64_t frame, Json& entry, PerceiveTally& tally) {
   const auto people = annotations_of(scene.annotations, "sherlog.annotation.Person");
   tally.people += people.size();
-  tally.text += fmt::format("frame {}, {:.3f} s: {} people\n", frame, scene.timestamp, people.size());
+  tally.text += fmt::format("frame {}, {:.3f} s: {} people", frame, scene.timestamp, people.size());
+  for (const Annotation* crowd : annotations_of(scene.annotations, "sherlog.annotation.Crowd")) {
+    const Value fields(crowd->fields);
+    tally.text += fmt::format(", more than can be followed: {}", json_text(fields));
+    entry["crowd"] = to_json(fields);
+    ++tally.crowded;
+  }
+  tally.text += "\n";
   entry["people"] = Json::array();
   for (const Annotation* person : people) {
     const Value fields(person->fields);
@@ -231,6 +240,7 @@ std::string summary(const PerceiveArguments& arguments, const PerceiveTally& tal
   std::string text = fmt::format("{} frames", tally.frames);
   if (tally.unreadable > 0) text += fmt::format(", {} could not be read", tally.unreadable);
   if (arguments.people) text += fmt::format(", {} sightings of people", tally.people);
+  if (tally.crowded > 0) text += fmt::format(", in {} frames more people than {}", tally.crowded, arguments.most_people);
   if (!arguments.wants_things()) {
     if (arguments.people) return text + "\n";
     return text + "; nothing was asked for, so no object was looked for\n";
@@ -274,7 +284,13 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
         if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
         count_failures(session, perceived, index, tally);
         if (tracker && perceived.reaching == 0) add_tracks(session, *tracker, perceived.scene);
+        const std::uint64_t crowded = tally.crowded;
         tell(perceived, request, arguments.people, index, tally);
+        if (crowded == 0 && tally.crowded > 0) {
+          session.warning(fmt::format("frame {}: there are more people than {}, and some have no label or another one's; "
+                                      "--most-people N allows more",
+                                      index, arguments.most_people));
+        }
         if (mapping) {
           tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
         }
@@ -290,7 +306,7 @@ Json perceive_json(const PerceiveArguments& arguments, const rgbd::FrameSource& 
             {"frames", tally.frames},         {"unreadable", tally.unreadable},
             {"things", tally.things}};
   if (!arguments.query.empty()) json["answers"] = tally.answers;
-  if (arguments.people) json["people"] = tally.people;
+  if (arguments.people) json["people"] = tally.people, json["crowded"] = tally.crowded;
   if (!arguments.store.empty()) json["stored"] = tally.stored, json["left_out"] = tally.moving;
   json["problems"] = Json::array();
   for (const auto& [text, frames] : tally.failures) json["problems"].push_back({{"message", text}, {"frames", frames}});
@@ -447,6 +463,12 @@ void add_perceive(CLI::App& app, Action& action) {
       ->needs(store);
   CLI::Option* people =
       command->add_flag("--people", arguments->people, "Who is there: labels that last, places and postures");
+  command
+      ->add_option("--most-people", arguments->most_people,
+                   "How many people and parts of people are told apart in a frame (default 15)")
+      ->type_name("N")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1000}).description(""))
+      ->needs(people);
   CLI::Option* labels =
       command->add_flag("--labels", arguments->labels, "Of synthetic frames: which object each thing is, for training");
   command

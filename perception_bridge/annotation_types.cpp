@@ -158,6 +158,11 @@ std::vector<AnnotationType> make_types() {
         {"posture", kNumber, false, kNotNegative},
         {"similarity", kNumber, false, kNotNegative}},
        "somebody whom the camera follows: label from frame to frame, place, and the number of the posture"},
+      {"sherlog.annotation.Crowd",
+       kAnnotation,
+       "",
+       {{"most", kNumber, kRequired, kNotNegative}, {"groups", kNumber, kRequired, kNotNegative}},
+       "there are more people than can be followed at once: so many have no label of their own"},
       // Which one it is.
       {"rs.annotation.Tracking",
        kAnnotation,

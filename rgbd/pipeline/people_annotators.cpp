@@ -7,7 +7,6 @@
 #include <optional>
 
 #include "rgbd/pipeline/declared.h"
-#include "rgbd/pose/segmentation.h"
 
 namespace sherlog::rgbd {
 namespace {
@@ -45,9 +44,11 @@ class RegionFilter : public Declared {
 
 class HumanAnnotator : public Declared {
  public:
-  HumanAnnotator()
+  explicit HumanAnnotator(const SegmentationOptions& options)
       : Declared("HumanAnnotator", {"disparity", "foreground", "calibration", "camera", "known", "robot"},
-                 {"people", "sherlog.annotation.Person"}, 10) {}
+                 {"people", "sherlog.annotation.Person", "sherlog.annotation.Crowd"}, 10),
+        most_(options.most_means),
+        segmentation_(options) {}
 
   void process(const Analysis& in, Analysis& out) override {
     const auto& calibration = in.need<Calibration>("calibration");
@@ -70,6 +71,11 @@ class HumanAnnotator : public Declared {
       if (!person) continue;
       out.annotate(Analysis::kScene, annotation(*person, camera.has_value()));
       people.push_back(std::move(*person));
+    }
+    if (const std::size_t groups = segmentation_.crowded_out(); groups > 0) {
+      out.annotate(Analysis::kScene,
+                   make("sherlog.annotation.Crowd", {{"most", Value(static_cast<std::int64_t>(most_))},
+                                                     {"groups", Value(static_cast<std::int64_t>(groups))}}));
     }
     out.set("people", std::move(people));
   }
@@ -129,15 +135,16 @@ class HumanAnnotator : public Declared {
   }
 
   HilbertMap map_;
+  std::size_t most_;
   SpatioTemporalSegmentation segmentation_;
   PoseLibrary library_;
 };
 
 }  // namespace
 
-Annotators people_annotators() {
+Annotators people_annotators(const SegmentationOptions& options) {
   Annotators annotators;
-  annotators.push_back(std::make_unique<HumanAnnotator>());
+  annotators.push_back(std::make_unique<HumanAnnotator>(options));
   return annotators;
 }
 

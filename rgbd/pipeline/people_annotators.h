@@ -3,11 +3,12 @@
 //   reads                                       annotator          writes
 //   depth calibration camera structure          RegionFilter       known robot
 //   disparity foreground calibration camera     HumanAnnotator     people, sherlog.annotation.Person
-//   known
+//   known robot                                                    sherlog.annotation.Crowd
 //
 // Idea      RegionFilter draws the room and the robot as the sensor would see them; what measures them is known. Things are not
 //           looked for in the robot, nor people in either. HumanAnnotator is the whole pose chain: foreground to keypoints,
 //           keypoints to people with labels that last, people to postures; a posture like one that was seen has its number.
+//           Where there are more people than there may be segments (`most_means`), a Crowd says so.
 // Source    deliverable 3.2 (region filter); Stommel, Beetz, Xu on poses (rgbd/pose)
 // State     labels and postures last from frame to frame; frames have to come in the order of time, and all of them
 #pragma once
@@ -18,6 +19,7 @@
 #include "rgbd/pipeline/flow.h"
 #include "rgbd/pose/descriptor.h"
 #include "rgbd/pose/keypoints.h"
+#include "rgbd/pose/segmentation.h"
 
 namespace sherlog::rgbd {
 
@@ -36,7 +38,8 @@ struct Person {
   double similarity = 0;    // to it, 0 ... 100
 };
 
-Annotators people_annotators();
+// `options`: how many there may be, and how near to each other.
+Annotators people_annotators(const SegmentationOptions& options = {});
 // RegionFilter alone, which things on tables need as well.
 std::unique_ptr<Annotator> region_filter();
 

@@ -20,16 +20,25 @@ float squared_distance(const A& a, const B& b) {
 void SpatioTemporalSegmentation::increase_k(std::span<const Keypoint> points) {
   std::ranges::stable_sort(segments_, std::greater<>{}, &Segment::age);
   for (Segment& segment : segments_) segment.count = 0;
+  crowded_out_.clear();
   const float r2 = options_.radius * options_.radius;
   for (const Keypoint& point : points) {
-    const auto near =
-        std::ranges::find_if(segments_, [&](const Segment& segment) { return squared_distance(point, segment) < r2; });
-    if (near != segments_.end()) {
+    const auto is_near = [&](const Segment& segment) { return squared_distance(point, segment) < r2; };
+    if (const auto near = std::ranges::find_if(segments_, is_near); near != segments_.end()) {
       ++near->count;
     } else if (segments_.size() < options_.most_means) {
       segments_.push_back(wake_or_make(point));
+    } else if (const auto group = std::ranges::find_if(crowded_out_, is_near); group != crowded_out_.end()) {
+      ++group->count;
+    } else {
+      crowded_out_.push_back({.x = point.x, .depth = point.depth, .count = 1});
     }
   }
+}
+
+std::size_t SpatioTemporalSegmentation::crowded_out() const {
+  const auto is_group = [&](const Segment& group) { return group.count >= options_.least_group; };
+  return static_cast<std::size_t>(std::ranges::count_if(crowded_out_, is_group));
 }
 
 Segment SpatioTemporalSegmentation::wake_or_make(const Keypoint& point) {

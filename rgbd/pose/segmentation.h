@@ -10,6 +10,8 @@
 //           two people, has the same chance as they have, draws half a body to itself, and is that person for a frame.
 //           And a mean that is dropped rests where it was for as many frames as it has lived, but a second at most:
 //           what turns up there gets its label and age back, so that a person may be hidden for a moment.
+//           The paper keeps at most fifteen means. Where more are wanted, the keypoints in want of one are counted by groups
+//           of the same radius, so that whoever looks at a crowd is told.
 // Source    the pose paper, section III.B, Algs. 1-3 and Eq. 1. Read as: a new mean gets a fresh label; a keypoint
 //           takes the mean that a permutation names first, not the place in the permutation; the loop over j ends where
 //           i is deleted, and counts are swapped with the rest; a mean without keypoints stays where it is; age grows
@@ -29,6 +31,7 @@ namespace sherlog::rgbd {
 
 struct SegmentationOptions {
   std::size_t most_means = 15;  // k_max
+  std::size_t least_group = 15;  // keypoints that make a group of those for whom there was no mean any more
   float radius = 0.5F;          // r, metres
   float overlap = 0.7F;         // r2 as a part of r
   std::size_t rounds = 3;
@@ -57,6 +60,9 @@ class SpatioTemporalSegmentation {
   std::vector<std::int32_t> next(std::span<const Keypoint> points);
   // The first k means.
   std::span<const Segment> segments() const { return segments_; }
+  // Groups of keypoints in the last frame that should have had a mean of their own, had there been room for more than
+  // `most_means`: theirs is no label, or somebody else's.
+  std::size_t crowded_out() const;
 
   // The steps, for tests.
   void increase_k(std::span<const Keypoint> points);
@@ -80,6 +86,7 @@ class SpatioTemporalSegmentation {
   SegmentationOptions options_;
   std::vector<Segment> segments_;
   std::vector<Resting> resting_;
+  std::vector<Segment> crowded_out_;
   std::int32_t last_label_ = 0;
   std::uint64_t frame_ = 0;
 };
