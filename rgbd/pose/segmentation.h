@@ -30,10 +30,10 @@
 namespace sherlog::rgbd {
 
 struct SegmentationOptions {
-  std::size_t most_means = 15;  // k_max
+  std::size_t most_means = 15;   // k_max
   std::size_t least_group = 15;  // keypoints that make a group of those for whom there was no mean any more
-  float radius = 0.5F;          // r, metres
-  float overlap = 0.7F;         // r2 as a part of r
+  float radius = 0.5F;           // r, metres
+  float overlap = 0.7F;          // r2 as a part of r
   std::size_t rounds = 3;
   double tenure = 0.1;        // part of the oldest's age that a claim needs; 0 as printed
   double settled = 500;       // an age that is always enough for one: of a person, a second

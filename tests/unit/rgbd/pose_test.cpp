@@ -305,6 +305,59 @@ TEST(Segmentation, MakesOneOfTwoPeopleCloserThan35Centimetres) {
 }
 
 // The baseline that the benchmark prints beside ours.
+// So many people in rows of ten, so far apart, after some steps; each is a handful of keypoints around its middle.
+std::vector<Keypoint> rows_of_people(std::size_t people, float apart, std::size_t steps) {
+  std::mt19937_64 random(steps + 1);
+  const auto off = [&] { return 0.3F * (static_cast<float>(random() >> 40) * 0x1p-24F - 0.5F); };
+  std::vector<Keypoint> points;
+  for (std::size_t k = 0; k < 40; ++k) {
+    for (std::size_t i = 0; i < people; ++i) {
+      const float way = 0.02F * static_cast<float>(steps);
+      const float x = apart * static_cast<float>(i % 10) + (i / 10 % 2 == 0 ? way : -way);
+      points.push_back(at(x + off(), 2 + apart * static_cast<float>(i / 10) + off()));
+    }
+  }
+  return points;
+}
+
+TEST(Segmentation, TellsHowManyOfFiftyPeopleAreTooManyForIt) {
+  for (const std::size_t people : {10U, 15U, 16U, 50U}) {
+    SpatioTemporalSegmentation segmentation;
+    for (std::size_t step = 0; step < 5; ++step) {
+      segmentation.next(rows_of_people(people, 1.2F, step));
+      EXPECT_EQ(segmentation.segments().size(), std::min<std::size_t>(people, 15));
+      EXPECT_EQ(segmentation.crowded_out(), people - std::min<std::size_t>(people, 15)) << people;
+    }
+    segmentation.next({});
+    EXPECT_EQ(segmentation.crowded_out(), 0U);
+  }
+  // Strays for which there is no room are no people.
+  SpatioTemporalSegmentation segmentation;
+  std::vector<Keypoint> points = rows_of_people(15, 1.2F, 0);
+  for (int i = 0; i < 14; ++i) points.push_back(at(30, 30));
+  segmentation.next(points);
+  EXPECT_EQ(segmentation.crowded_out(), 0U);
+}
+
+TEST(Segmentation, GivesFiftyPeopleLabelsOfTheirOwnWhereSoManyAreAllowed) {
+  constexpr std::size_t kPeople = 50;
+  SpatioTemporalSegmentation segmentation({.most_means = 64});
+  std::vector<std::set<std::int32_t>> labels(kPeople);
+  for (std::size_t step = 0; step < 30; ++step) {
+    const std::vector<Keypoint> points = rows_of_people(kPeople, 1.2F, step);
+    const std::vector<std::int32_t> found = segmentation.next(points);
+    EXPECT_EQ(segmentation.crowded_out(), 0U);
+    for (std::size_t i = 0; i < points.size(); ++i) labels[i % kPeople].insert(found[i]);
+  }
+  std::set<std::int32_t> all;
+  for (const auto& its : labels) {
+    ASSERT_EQ(its.size(), 1U);
+    all.insert(*its.begin());
+  }
+  EXPECT_EQ(all.size(), kPeople);
+  EXPECT_FALSE(all.contains(0));
+}
+
 TEST(GraphSegmentation, PartsWhatDiffersAndKeepsWhatGrowsSlowly) {
   DisparityImage disparity(40, 60, 100.0F);
   disparity(cv::Rect(30, 0, 30, 40)).setTo(140.0F);                        // a jump

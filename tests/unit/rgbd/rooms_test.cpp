@@ -22,10 +22,10 @@ Perception everything(const Knowledge& knowledge) {
   return std::move(*made);
 }
 
-Perception for_people() {
+Perception for_people(const SegmentationOptions& options = {}) {
   std::string problem;
   Annotators annotators = object_annotators({});
-  for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
+  for (auto& annotator : people_annotators(options)) annotators.push_back(std::move(annotator));
   auto made = Perception::make(std::move(annotators), {.also = {"sherlog.annotation.Person"}, .threads = 1}, problem);
   EXPECT_TRUE(made) << problem;
   return std::move(*made);
@@ -207,6 +207,91 @@ TEST(People, HaveLabelsThatLastAndPlacesInTheWorld) {
     all.insert(its.begin(), its.end());
   }
   EXPECT_EQ(all.size(), labels.size());
+}
+
+// A true person in a frame: where it is (x and depth from the camera), and the labels of its keypoints.
+struct Sighting {
+  Eigen::Vector2d place = Eigen::Vector2d::Zero();
+  std::map<std::int32_t, std::size_t> labels;
+  std::size_t keypoints = 0;
+  std::int32_t label() const {
+    return std::ranges::max_element(labels, {}, [](const auto& entry) { return entry.second; })->first;
+  }
+};
+
+std::map<std::int32_t, Sighting> sightings(const std::vector<Person>& people, const TrueFrame& truth) {
+  std::map<std::int32_t, Sighting> seen;
+  for (const Person& person : people) {
+    for (const Keypoint& point : person.keypoints) {
+      const std::uint16_t entity = truth.entities(point.pixel.y, point.pixel.x);
+      const std::int32_t who = entity == 0 ? 0 : truth.scene.entities[entity - 1U].person;
+      if (who == 0) continue;
+      Sighting& sighting = seen[who];
+      ++sighting.labels[person.label];
+      ++sighting.keypoints;
+    }
+  }
+  for (const Entity& entity : truth.scene.entities) {
+    const auto found = entity.person == 0 ? seen.end() : seen.find(entity.person);
+    if (found != seen.end()) found->second.place = entity.pose.translation().head<2>();
+  }
+  std::erase_if(seen, [](const auto& entry) { return entry.second.keypoints < 60; });  // hidden but for a hand
+  return seen;
+}
+
+// Of those who stand more than the radius from all others that can be seen: how many have a label that nobody else has.
+struct CrowdResult {
+  std::size_t crowded = 0, most = 0, apart = 0, own = 0;
+};
+
+void count_people(const Perceived& perceived, const TrueFrame& truth, std::size_t most_people, CrowdResult& result) {
+  for (const AnnotatorRun& run : perceived.runs) EXPECT_EQ(run.problem, "") << run.annotator;
+  EXPECT_TRUE(validate(perceived.scene).empty());
+  const auto crowds = annotations_of(perceived.scene.annotations, "sherlog.annotation.Crowd");
+  EXPECT_LE(crowds.size(), 1U);
+  for (const Annotation* crowd : crowds) {
+    EXPECT_EQ(find(crowd->fields, "most")->number(), static_cast<double>(most_people));
+    EXPECT_GE(find(crowd->fields, "groups")->number(), 1.0);
+  }
+  result.crowded += crowds.size();
+  const auto& people = *perceived.analysis.view<std::vector<Person>>("people");
+  EXPECT_LE(people.size(), most_people);
+  result.most = std::max(result.most, people.size());
+  const auto seen = sightings(people, truth);
+  for (const auto& [who, its] : seen) {
+    const auto counts = [&, who = who, &its = its](const auto& condition) {
+      return std::ranges::any_of(seen,
+                                 [&](const auto& other) { return other.first != who && condition(other.second); });
+    };
+    const double radius = static_cast<double>(SegmentationOptions().radius);
+    if (counts([&](const Sighting& other) { return (other.place - its.place).norm() <= radius; })) continue;
+    ++result.apart;
+    result.own += counts([&](const Sighting& other) { return other.label() == its.label(); }) ? 0U : 1U;
+  }
+}
+
+TEST(People, FiftyAreMoreThanFifteenAndTheSceneSaysSo) {
+  const auto sequence = make_sequence("crowd");
+  Perception first = for_people(), second = for_people({.most_means = 64});
+  CrowdResult few, many;
+  for (std::size_t index = 0; index <= 55; ++index) {
+    const TrueFrame truth = sequence->frame(index);
+    const auto look = [&](Perception& perception) {
+      return perception.perceive(truth.frame, sequence->calibration(), index, known_bodies(*sequence, index));
+    };
+    count_people(look(first), truth, 15, few);
+    count_people(look(second), truth, 64, many);
+  }
+  for (const auto& [limit, result] : {std::pair{15, few}, std::pair{64, many}}) {
+    fmt::print("at most {}: {} frames crowded, up to {} people, {} of {} apart have a label of their own\n", limit,
+               result.crowded, result.most, result.own, result.apart);
+  }
+  EXPECT_GT(few.crowded, 10U);
+  EXPECT_EQ(many.crowded, 0U);
+  EXPECT_GT(many.most, few.most);
+  EXPECT_GT(many.apart, 100U);
+  EXPECT_GE(many.own * 100, many.apart * 95);
+  EXPECT_LT(few.own * many.apart, many.own * few.apart);
 }
 
 TEST(People, NobodyIsNobody) {
