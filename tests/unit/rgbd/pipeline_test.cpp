@@ -75,28 +75,6 @@ Names sources(const Analysis& analysis, std::size_t cluster) {
   return result;
 }
 
-TEST(Analysis, GivesATypeWithThoseBelowItAndNothingElse) {
-  Analysis analysis;
-  for (const char* type :
-       {"rs.annotation.Shape", "rs.annotation.ColorHistogram", "rs.annotation.HueSaturationHistogram"}) {
-    analysis.annotate(1, Simple::make(type, type));
-  }
-  EXPECT_EQ(analysis.annotations_of(1, "rs.annotation.ColorHistogram").size(), 2U);
-  EXPECT_EQ(analysis.annotations_of(1, "rs.annotation.HueSaturationHistogram").size(), 1U);
-  EXPECT_EQ(analysis.annotations_of(1, "rs.annotation.Shape").size(), 1U);
-  EXPECT_TRUE(analysis.annotations_of(0, "rs.annotation.Shape").empty());
-  EXPECT_EQ(analysis.clusters(), 2U);
-}
-
-TEST(Analysis, ViewsAreFoundUnderTheirTypeOnly) {
-  Analysis analysis;
-  analysis.set("number", 5);
-  ASSERT_NE(analysis.view<int>("number"), nullptr);
-  EXPECT_EQ(*analysis.view<int>("number"), 5);
-  EXPECT_EQ(analysis.view<double>("number"), nullptr);
-  EXPECT_THROW(analysis.need<int>("other"), std::runtime_error);
-}
-
 TEST(Plan, HasOnlyWhoIsNeededInAnOrderThatWorks) {
   const Annotators annotators =
       list(Simple("shape", {"things"}, {"rs.annotation.Shape"}), Simple("things", {"cloud"}, {"things"}),
