@@ -15,9 +15,9 @@
 #include "perception_bridge/observe.h"
 #include "perception_bridge/scene_tracker.h"
 #include "perception_bridge/shipped_models.h"
-#include "rgbd/frames/sequence.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
+#include "rgbd/pipeline/recorder.h"
 #include "rgbd/pipeline/truth.h"
 
 namespace sherlog::cli {
@@ -240,7 +240,8 @@ std::string summary(const PerceiveArguments& arguments, const PerceiveTally& tal
   std::string text = fmt::format("{} frames", tally.frames);
   if (tally.unreadable > 0) text += fmt::format(", {} could not be read", tally.unreadable);
   if (arguments.people) text += fmt::format(", {} sightings of people", tally.people);
-  if (tally.crowded > 0) text += fmt::format(", in {} frames more people than {}", tally.crowded, arguments.most_people);
+  if (tally.crowded > 0)
+    text += fmt::format(", in {} frames more people than {}", tally.crowded, arguments.most_people);
   if (!arguments.wants_things()) {
     if (arguments.people) return text + "\n";
     return text + "; nothing was asked for, so no object was looked for\n";
@@ -287,9 +288,10 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
         const std::uint64_t crowded = tally.crowded;
         tell(perceived, request, arguments.people, index, tally);
         if (crowded == 0 && tally.crowded > 0) {
-          session.warning(fmt::format("frame {}: there are more people than {}, and some have no label or another one's; "
-                                      "--most-people N allows more",
-                                      index, arguments.most_people));
+          session.warning(
+              fmt::format("frame {}: there are more people than {}, and some have no label or another one's; "
+                          "--most-people N allows more",
+                          index, arguments.most_people));
         }
         if (mapping) {
           tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
@@ -320,11 +322,11 @@ std::string ending(Termination termination) {
 }
 
 int record_frames(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source) {
-  rgbd::SequenceWriter writer(arguments.record, source.calibration);
+  rgbd::Recorder writer(arguments.record, source);
   std::uint64_t frames = 0, unreadable = 0;
   const Termination termination =
-      for_each_frame(session, arguments, source, unreadable, [&](const rgbd::Frame& frame, std::uint64_t) {
-        if (!writer.add(frame)) return Termination::kRefused;
+      for_each_frame(session, arguments, source, unreadable, [&](const rgbd::Frame& frame, std::uint64_t index) {
+        if (!writer.add(frame, index)) return Termination::kRefused;
         ++frames;
         return Termination::kCompleted;
       });
@@ -347,7 +349,7 @@ bool spares_recording(Session& session, const PerceiveArguments& arguments, cons
   namespace fs = std::filesystem;
   std::error_code error;
   if (!arguments.record.empty()) {
-    for (const char* list : {"frames.txt", "depth.txt", "associations.txt"}) {
+    for (const char* list : {"frames.txt", "depth.txt", "associations.txt", "robot.txt", "map.json", "known.json"}) {
       if (!fs::exists(fs::path(arguments.record) / list, error)) continue;
       session.error(
           fmt::format("--record: '{}' has a recording, which would be lost; name another folder", arguments.record));

@@ -3,17 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <map>
 #include <set>
 #include <span>
-#include <sstream>
-#include <string_view>
 #include <utility>
 
 #include "rgbd/frames/png.h"
+#include "rgbd/frames/text_lines.h"
 
 namespace sherlog::rgbd {
 namespace {
@@ -21,56 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double kPlainUnits = 1000, kTumUnits = 5000;  // a metre, where the calibration does not say it
 constexpr double kPairing = 0.02;                       // seconds that the times of a pair may differ
-
-struct Line {
-  std::size_t number = 0;
-  std::vector<std::string> words;
-};
-
-// Lines that are neither empty nor comments, as words. Nothing where the file cannot be read.
-std::optional<std::vector<Line>> read_lines(const fs::path& file, std::string& problem) {
-  std::error_code error;
-  // A pipe would be waited for.
-  std::ifstream in;
-  if (fs::is_regular_file(file, error)) in.open(file);
-  if (!in.is_open()) {
-    problem = file.string() + ": the file cannot be opened";
-    return std::nullopt;
-  }
-  std::vector<Line> lines;
-  std::string text;
-  for (std::size_t number = 1; std::getline(in, text); ++number) {
-    std::istringstream words(text);
-    Line line{number, {}};
-    for (std::string word; words >> word;) line.words.push_back(std::move(word));
-    if (!line.words.empty() && line.words[0][0] != '#') lines.push_back(std::move(line));
-  }
-  return lines;
-}
-
-bool parse_number(std::string_view text, double& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() && std::isfinite(value);
-}
-
-std::string at(const fs::path& file, const Line& line, const std::string& what) {
-  return fmt::format("{}:{}: {}", file.string(), line.number, what);
-}
-
-// Seven words: place and unit quaternion.
-std::optional<Eigen::Isometry3d> parse_pose(std::span<const std::string> words) {
-  double v[7];
-  if (words.size() != 7) return std::nullopt;
-  for (std::size_t i = 0; i < 7; ++i) {
-    if (!parse_number(words[i], v[i])) return std::nullopt;
-  }
-  Eigen::Quaterniond turn(v[6], v[3], v[4], v[5]);
-  if (std::abs(turn.norm() - 1) > 0.01) return std::nullopt;
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  pose.linear() = turn.normalized().toRotationMatrix();
-  pose.translation() = Eigen::Vector3d(v[0], v[1], v[2]);
-  return pose;
-}
 
 std::optional<Calibration> read_calibration(const fs::path& file, double units_per_metre, std::string& problem) {
   const auto lines = read_lines(file, problem);
@@ -89,15 +37,15 @@ std::optional<Calibration> read_calibration(const fs::path& file, double units_p
   for (const Line& line : *lines) {
     const auto field = fields.find(line.words[0]);
     if (field == fields.end()) {
-      problem = at(file, line, fmt::format("unknown name '{}'", line.words[0]));
+      problem = at_line(file, line, fmt::format("unknown name '{}'", line.words[0]));
       return std::nullopt;
     }
     if (line.words.size() != 2 || !parse_number(line.words[1], *field->second)) {
-      problem = at(file, line, fmt::format("'{}' takes one number", line.words[0]));
+      problem = at_line(file, line, fmt::format("'{}' takes one number", line.words[0]));
       return std::nullopt;
     }
     if (!seen.insert(line.words[0]).second) {
-      problem = at(file, line, fmt::format("'{}' is there a second time", line.words[0]));
+      problem = at_line(file, line, fmt::format("'{}' is there a second time", line.words[0]));
       return std::nullopt;
     }
   }
@@ -134,11 +82,11 @@ std::optional<std::vector<Stamped>> read_stamped(const fs::path& file, std::stri
   for (const Line& line : *lines) {
     Stamped entry;
     if (line.words.size() != 2 || !parse_number(line.words[0], entry.time)) {
-      problem = at(file, line, "a line is a time and a file");
+      problem = at_line(file, line, "a line is a time and a file");
       return std::nullopt;
     }
     if (!stamped.empty() && entry.time <= stamped.back().time) {
-      problem = at(file, line, fmt::format("time {} after {}", line.words[0], stamped.back().time));
+      problem = at_line(file, line, fmt::format("time {} after {}", line.words[0], stamped.back().time));
       return std::nullopt;
     }
     entry.file = line.words[1];
@@ -183,11 +131,11 @@ bool add_poses(const fs::path& file, std::vector<FrameEntry>& frames, std::strin
     double time = 0;
     const auto pose = parse_pose(std::span(line.words).subspan(1));
     if (!parse_number(line.words[0], time) || !pose) {
-      problem = at(file, line, "a line is a time, a place and a unit quaternion, eight numbers");
+      problem = at_line(file, line, "a line is a time, a place and a unit quaternion, eight numbers");
       return false;
     }
     if (!times.empty() && time <= times.back()) {
-      problem = at(file, line, fmt::format("time {} after {}", line.words[0], times.back()));
+      problem = at_line(file, line, fmt::format("time {} after {}", line.words[0], times.back()));
       return false;
     }
     times.push_back(time);
@@ -208,7 +156,7 @@ bool read_associations(const fs::path& file, Sequence& sequence, std::string& pr
   for (const Line& line : *lines) {
     double first = 0, second = 0;
     if (line.words.size() != 4 || !parse_number(line.words[0], first) || !parse_number(line.words[2], second)) {
-      problem = at(file, line, "a line is time, file, time, file");
+      problem = at_line(file, line, "a line is time, file, time, file");
       return false;
     }
     const bool depth_first = line.words[1].find("depth") != std::string::npos;
@@ -217,7 +165,7 @@ bool read_associations(const fs::path& file, Sequence& sequence, std::string& pr
                      .colour = line.words[depth_first ? 3 : 1],
                      .pose = {}};
     if (!sequence.frames.empty() && entry.time <= sequence.frames.back().time) {
-      problem = at(file, line, fmt::format("time {} after {}", entry.time, sequence.frames.back().time));
+      problem = at_line(file, line, fmt::format("time {} after {}", entry.time, sequence.frames.back().time));
       return false;
     }
     sequence.frames.push_back(std::move(entry));
@@ -267,12 +215,12 @@ bool read_plain(Sequence& sequence, std::string& problem) {
   for (const Line& line : *lines) {
     FrameEntry entry;
     if ((line.words.size() != 3 && line.words.size() != 10) || !parse_number(line.words[0], entry.time)) {
-      problem = at(list, line,
-                   "a line is a time, a depth file, a colour file and, where it is known, a pose of seven numbers");
+      problem = at_line(
+          list, line, "a line is a time, a depth file, a colour file and, where it is known, a pose of seven numbers");
       return false;
     }
     if (!sequence.frames.empty() && entry.time <= sequence.frames.back().time) {
-      problem = at(list, line, fmt::format("time {} after {}", line.words[0], sequence.frames.back().time));
+      problem = at_line(list, line, fmt::format("time {} after {}", line.words[0], sequence.frames.back().time));
       return false;
     }
     entry.depth = line.words[1];
@@ -280,19 +228,13 @@ bool read_plain(Sequence& sequence, std::string& problem) {
     if (line.words.size() == 10) {
       entry.pose = parse_pose(std::span(line.words).subspan(3));
       if (!entry.pose) {
-        problem = at(list, line, "a pose is a place and a unit quaternion, seven numbers");
+        problem = at_line(list, line, "a pose is a place and a unit quaternion, seven numbers");
         return false;
       }
     }
     sequence.frames.push_back(std::move(entry));
   }
   return true;
-}
-
-std::string pose_text(const Eigen::Isometry3d& pose) {
-  const Eigen::Quaterniond q(pose.linear());
-  const Eigen::Vector3d t = pose.translation();
-  return fmt::format("{} {} {} {} {} {} {}", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "rgbd/frames/sequence.h"
+#include "rgbd/pipeline/robot_poses.h"
 #include "rgbd/synthetic/kitchen.h"
 
 namespace sherlog::rgbd {
@@ -27,12 +28,49 @@ std::optional<FrameSource> open_synthetic(const std::string& name, std::uint64_t
                      .unpaired = 0,
                      .read = [sequence](std::size_t index, std::string&) { return sequence->frame(index).frame; },
                      .truth = [sequence](std::size_t index) { return sequence->frame(index); },
-                     .bodies = [sequence](std::size_t index) { return known_bodies(*sequence, index); },
+                     .robot = {},
+                     .structure = sequence->scenery().bodies,
                      .knowledge = knowledge_of(*sequence)};
+  const auto is_robot = [](const Entity& entity) { return entity.kind == EntityKind::kRobot; };
+  if (std::ranges::any_of(sequence->movers(0).entities, is_robot)) {
+    source.robot = [sequence](std::size_t index) { return robot_bodies(*sequence, index); };
+  }
   return source;
 }
 
+// False: there is a robot.txt, and it cannot be used.
+bool add_robot(FrameSource& source, const std::shared_ptr<const Sequence>& sequence, bool has_poses,
+               std::string& problem) {
+  const auto file = sequence->folder / "robot.txt";
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return true;
+  auto read = RobotPoses::read(file, problem);
+  if (!read) return false;
+  if (!has_poses) {
+    problem =
+        file.string() + ": it says where a robot is in the world, and of no frame it is known where the camera is";
+    return false;
+  }
+  const auto robot = std::make_shared<const RobotPoses>(std::move(*read));
+  source.read = [sequence, robot, read_image = std::move(source.read)](std::size_t index,
+                                                                       std::string& what) -> std::optional<Frame> {
+    if (index < sequence->frames.size() && !robot->at(sequence->frames[index].time, what)) return std::nullopt;
+    return read_image(index, what);
+  };
+  source.robot = [sequence, robot](std::size_t index) {
+    std::string what;
+    return robot->at(sequence->frames[index].time, what).value_or(std::vector<Body>());
+  };
+  return true;
+}
+
 }  // namespace
+
+KnownBodies FrameSource::bodies_at(std::size_t index) const {
+  KnownBodies bodies{meshes_of(structure), robot ? meshes_of(robot(index)) : std::vector<PlacedMesh>()};
+  bodies.map.insert(bodies.map.end(), knowledge.structure.begin(), knowledge.structure.end());
+  return bodies;
+}
 
 std::optional<FrameSource> open_frames(const std::string& frames, std::uint64_t seed, std::string& problem) {
   if (frames.starts_with(kSynthetic)) return open_synthetic(frames.substr(kSynthetic.size()), seed, problem);
@@ -55,15 +93,20 @@ std::optional<FrameSource> open_frames(const std::string& frames, std::uint64_t 
                        return read_frame(*sequence, index, what);
                      },
                      .knowledge = {}};
+  if (!add_robot(source, sequence, has_poses, problem)) return std::nullopt;
   return source;
 }
 
-KnownBodies known_bodies(const SyntheticSequence& sequence, std::size_t index) {
+std::vector<Body> robot_bodies(const SyntheticSequence& sequence, std::size_t index) {
   const Scene movers = sequence.movers(index);
   std::vector<Body> robot;
   std::ranges::copy_if(movers.bodies, std::back_inserter(robot),
                        [&](const Body& body) { return movers.entities[body.entity - 1U].kind == EntityKind::kRobot; });
-  return {meshes_of(sequence.scenery().bodies), meshes_of(robot)};
+  return robot;
+}
+
+KnownBodies known_bodies(const SyntheticSequence& sequence, std::size_t index) {
+  return {meshes_of(sequence.scenery().bodies), meshes_of(robot_bodies(sequence, index))};
 }
 
 Knowledge knowledge_of(const SyntheticSequence& sequence) {
