@@ -12,6 +12,7 @@
 #include "perception_bridge/shipped_models.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
+#include "rgbd/pipeline/truth.h"
 
 using namespace sherlog;
 
@@ -72,20 +73,54 @@ std::string first(const Cluster& cluster, const char* type, const char* field) {
   return found.empty() ? "" : std::string(text_field(*found.front(), field));
 }
 
-std::string belief_rows(const Scene& scene, const TrackingStep& step) {
-  std::string rows =
-      "<table><tr><th>thing<th>is<th>explanation<th>probability<th>shape<th>size<th>colour<th>class</tr>\n";
+// `names`: of clusters by what they are, where that is known.
+std::string belief_rows(const Scene& scene, const TrackingStep& step, const std::map<std::string, std::string>& names) {
+  std::string rows = fmt::format(
+      "<table><tr><th>thing<th>is<th>explanation<th>probability<th>shape<th>size<th>colour<th>class{}</tr>\n",
+      names.empty() ? "" : "<th>in truth");
   for (const auto& belief : step.clusters) {
     const auto cluster = std::ranges::find(scene.clusters, belief.cluster, &Cluster::id);
     rows += fmt::format(
-        "<tr><td>{}<td>{}<td>{}<td>{:.2f}<td>{}<td>{}<td>{}<td>{}</tr>\n", belief.cluster, belief.object,
+        "<tr><td>{}<td>{}<td>{}<td>{:.2f}<td>{}<td>{}<td>{}<td>{}{}</tr>\n", belief.cluster, belief.object,
         belief.explanation, belief.probability, first(*cluster, "rs.annotation.Shape", "shape"),
         first(*cluster, "rs.annotation.SemanticSize", "size"), first(*cluster, "rs.annotation.SemanticColor", "color"),
-        first(*cluster, "rs.annotation.Classification", "classname"));
+        first(*cluster, "rs.annotation.Classification", "classname"),
+        names.empty() ? "" : "<td>" + (names.contains(belief.cluster) ? names.at(belief.cluster) : "nothing"));
   }
   rows += "</table>\n";
   if (!step.disappeared.empty()) rows += fmt::format("<p>disappeared: {}</p>\n", fmt::join(step.disappeared, ", "));
   return rows;
+}
+
+// appear, stay, stay, move: "appear, 2 x stay, move"
+std::string in_short(const std::vector<std::string>& words) {
+  std::string text;
+  for (std::size_t i = 0, end = 0; i < words.size(); i = end) {
+    while (end < words.size() && words[end] == words[i]) ++end;
+    text += (i == 0 ? "" : ", ") + (end - i > 1 ? fmt::format("{} x {}", end - i, words[i]) : words[i]);
+  }
+  return text;
+}
+
+// Belief beside truth, object by object; and how many of them are right.
+std::string truth_table(const std::vector<rgbd::ObjectBelief>& beliefs, std::size_t identities, std::string& summary) {
+  constexpr const char* kTruth[] = {"can be seen", "is covered", "is gone"};
+  std::string rows =
+      "<h2>Belief and truth</h2><table><tr><th>object<th>in truth<th>first taken for<th>in the end<th>explanations<th>"
+      "</tr>\n";
+  std::size_t right = 0;
+  for (const rgbd::ObjectBelief& belief : beliefs) {
+    right += belief.is_right ? 1U : 0U;
+    const std::string end = !belief.now.empty()      ? belief.now
+                            : belief.has_disappeared ? belief.first + " has disappeared"
+                                                     : belief.first + " is hidden";
+    rows += fmt::format("<tr><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}</tr>\n", belief.object,
+                        kTruth[static_cast<std::size_t>(belief.truth)], belief.first, end,
+                        in_short(belief.explanations), belief.is_right ? "right" : "<b>wrong</b>");
+  }
+  summary =
+      fmt::format("{} of {} right, {} identities for {} things", right, beliefs.size(), identities, beliefs.size());
+  return rows + "</table>\n<p>" + summary + "</p>\n";
 }
 
 std::string times_table(const rgbd::RunTimes& times) {
@@ -166,6 +201,7 @@ int main(int argc, char** argv) {
       source->name, fmt::join(perception->annotators(), " &rarr; "));
   Monitor monitor;
   std::size_t scenes = 0;
+  rgbd::BeliefLog log;
   for (std::size_t index = 0; index < source->frames; index += kEvery) {
     const auto frame = source->read(index, problem);
     if (!frame) {
@@ -178,7 +214,13 @@ int main(int argc, char** argv) {
     if (seen.reaching == 0) {
       const TrackingStep step = tracker->feed(seen.scene, monitor);
       for (const auto& cluster : step.clusters) names[cluster.cluster] = cluster.object;
-      belief = belief_rows(seen.scene, step);
+      std::map<std::string, std::string> truth;
+      if (source->truth) {
+        const rgbd::TrueFrame true_frame = source->truth(index);
+        truth = rgbd::true_names(seen, true_frame);
+        log.add(seen, true_frame, step);
+      }
+      belief = belief_rows(seen.scene, step, truth);
       ++scenes;
     }
     page += fmt::format("<h2>Frame {}, {:.2f} s</h2>\n", index, frame->time) + picture(frame->colour, "colour") +
@@ -188,9 +230,11 @@ int main(int argc, char** argv) {
     if (const auto* mask = seen.analysis.view<rgbd::MaskImage>("foreground")) page += picture(*mask, "foreground");
     page += picture(marked(*frame, seen, names), "table, things and who they are") + belief;
   }
+  std::string summary;
+  if (source->truth) page += truth_table(log.compare(tracker->objects()), tracker->objects().size(), summary);
   page += times_table(perception->times());
   if (argc > 1) page += other_branches(problem);
-  fmt::print("{} scenes, {} objects\n", scenes, tracker->objects().size());
+  fmt::print("{} scenes, {} objects{}\n", scenes, tracker->objects().size(), summary.empty() ? "" : "; " + summary);
   if (argc > 1) std::ofstream(argv[1]) << page;
   return scenes > 0 ? 0 : 1;
 }
