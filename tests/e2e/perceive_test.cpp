@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -197,6 +198,52 @@ TEST_F(Perceive, LeavesOutFramesWhoseCameraIsNowhere) {
   EXPECT_THAT(outcome.out, HasSubstr("1 could not be read"));
 }
 
+TEST_F(Perceive, SaysThatThereAreMorePeopleThanCanBeFollowed) {
+  const std::string frames = "perceive synthetic:crowd --people --first 50 --last 56 --json - ";
+  const Outcome few = scratch.sherlog(frames + "--most-people 4");
+  ASSERT_EQ(few.code, 0) << few.err;
+  EXPECT_THAT(few.err, HasSubstr("more people than 4"));
+  EXPECT_THAT(few.err, HasSubstr("--most-people"));
+  const Json crowded = Json::parse(few.out);
+  EXPECT_GT(crowded["crowded"], 0);
+  EXPECT_EQ(crowded["scenes"].back()["crowd"]["most"], 4);
+  EXPECT_LE(crowded["scenes"].back()["people"].size(), 4u);
+  const Outcome many = scratch.sherlog(frames + "--most-people 64");
+  ASSERT_EQ(many.code, 0) << many.err;
+  EXPECT_THAT(many.err, Not(HasSubstr("more people")));
+  const Json all = Json::parse(many.out);
+  EXPECT_EQ(all["crowded"], 0);
+  EXPECT_FALSE(all["scenes"].back().contains("crowd"));
+  EXPECT_GT(all["people"], crowded["people"]);
+}
+
+TEST_F(Perceive, TakesTheRobotOutOfARecordingAsOutOfItsSource) {
+  ASSERT_EQ(scratch.sherlog("perceive synthetic:robot_table --every 70 --record robot").code, 0);
+  const std::string query = " --query '{\"detect\": {}}' --json -";
+  const Outcome source = scratch.sherlog("perceive synthetic:robot_table --every 70" + query);
+  const Outcome recording =
+      scratch.sherlog("perceive robot --every 1 --map robot/map.json --known robot/known.json" + query);
+  ASSERT_EQ(source.code, 0) << source.err;
+  ASSERT_EQ(recording.code, 0) << recording.err;
+  const Json expected = Json::parse(source.out)["scenes"], found = Json::parse(recording.out)["scenes"];
+  ASSERT_EQ(found.size(), expected.size());
+  int reaching = 0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_EQ(found[i]["reaching"], expected[i]["reaching"]);
+    EXPECT_EQ(found[i]["answers"], expected[i]["answers"]);
+    reaching += found[i]["reaching"].get<int>();
+  }
+  EXPECT_GT(reaching, 0);
+  // A line that is wrong is named, and nothing of it is lost by recording into the same folder.
+  const std::string text = scratch.read("robot/robot.txt");
+  scratch.write("robot/robot.txt", text + "pose 1 elbow 0 0 0 0 0 0 1\n");
+  const Outcome wrong = scratch.sherlog("perceive robot");
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("robot.txt:" + std::to_string(std::ranges::count(text, '\n') + 1) + ": "));
+  fs::remove(scratch.folder() / "robot/frames.txt");
+  EXPECT_EQ(scratch.sherlog("perceive synthetic:table_moves --every 90 --record robot").code, 2);
+}
+
 TEST_F(Perceive, BadOptionsAreExit2WithASentence) {
   for (const auto& [options, word] :
        {std::pair{"nowhere", "nowhere"}, std::pair{"synthetic:moon", "table_moves"},
@@ -204,6 +251,8 @@ TEST_F(Perceive, BadOptionsAreExit2WithASentence) {
         std::pair{"synthetic:table_moves --query '{\"find\": {}}'", "'find'"},
         std::pair{"synthetic:table_moves --first 100000", "--first"},
         std::pair{"synthetic:table_moves --every 0", "--every"},
+        std::pair{"synthetic:crowd --people --most-people 0", "--most-people"},
+        std::pair{"synthetic:crowd --most-people 20", "--people"},
         std::pair{"synthetic:table_moves --query '{\"detect\": {}}' --map nowhere.json", "nowhere.json"},
         std::pair{"synthetic:table_moves --evidence - --mapping nothing", "nothing"}}) {
     const Outcome outcome = scratch.sherlog(std::string("perceive ") + options);
