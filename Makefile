@@ -52,7 +52,7 @@ check-long: build
 
 sanitize: setup
 	cmake --preset sanitize
-	cmake --build --preset sanitize -j $(JOBS) --target sherlog_unit_tests sherlog_golden_tests sherlog_property_tests
+	cmake --build --preset sanitize -j $(JOBS) --target sherlog_unit_tests sherlog_golden_tests sherlog_property_tests sherlog_rgbd_tests
 	SHERLOG_RANDOM_MODELS=20 ctest --preset sanitize -j $(JOBS)
 
 bench: setup

@@ -241,7 +241,8 @@ std::string summary(const PerceiveArguments& arguments, const PerceiveTally& tal
   if (tally.unreadable > 0) text += fmt::format(", {} could not be read", tally.unreadable);
   if (arguments.people) text += fmt::format(", {} sightings of people", tally.people);
   if (tally.crowded > 0)
-    text += fmt::format(", in {} frames more people than {}", tally.crowded, arguments.most_people);
+    text +=
+        fmt::format(", {} frames with more people or parts of people than {}", tally.crowded, arguments.most_people);
   if (!arguments.wants_things()) {
     if (arguments.people) return text + "\n";
     return text + "; nothing was asked for, so no object was looked for\n";
@@ -288,10 +289,10 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
         const std::uint64_t crowded = tally.crowded;
         tell(perceived, request, arguments.people, index, tally);
         if (crowded == 0 && tally.crowded > 0) {
-          session.warning(
-              fmt::format("frame {}: there are more people than {}, and some have no label or another one's; "
-                          "--most-people N allows more",
-                          index, arguments.most_people));
+          session.warning(fmt::format(
+              "frame {}: there are more people, or parts of people, than {}: some have no label or another one's; "
+              "--most-people N allows more",
+              index, arguments.most_people));
         }
         if (mapping) {
           tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
