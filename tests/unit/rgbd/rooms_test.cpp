@@ -294,6 +294,33 @@ TEST(People, FiftyAreMoreThanFifteenAndTheSceneSaysSo) {
   EXPECT_LT(few.own * many.apart, many.own * few.apart);
 }
 
+// Things and people in one flow, side by side.
+TEST(Branches, GiveTheSameForAnyNumberOfThreads) {
+  const auto sequence = make_sequence("table_moves", {.width = 320, .height = 240});
+  const auto both = [&](std::uint32_t threads) {
+    std::string problem;
+    Annotators annotators = object_annotators(knowledge_of(*sequence));
+    for (auto& annotator : people_annotators()) annotators.push_back(std::move(annotator));
+    auto made =
+        Perception::make(std::move(annotators),
+                         {.request = Request{}, .also = {"sherlog.annotation.Person"}, .threads = threads}, problem);
+    EXPECT_TRUE(made) << problem;
+    return std::move(*made);
+  };
+  Perception one = both(1), many = both(4);
+  std::size_t people = 0;
+  for (std::size_t index = 10; index < 40; index += 6) {
+    const TrueFrame truth = sequence->frame(index);
+    const KnownBodies bodies = known_bodies(*sequence, index);
+    const Perceived first = one.perceive(truth.frame, sequence->calibration(), index, bodies);
+    const Perceived second = many.perceive(truth.frame, sequence->calibration(), index, bodies);
+    EXPECT_EQ(first.scene, second.scene) << "frame " << index;
+    EXPECT_FALSE(first.scene.clusters.empty());
+    people += annotations_of(first.scene.annotations, "sherlog.annotation.Person").size();
+  }
+  EXPECT_GT(people, 0U);  // an arm
+}
+
 TEST(People, NobodyIsNobody) {
   const auto sequence = make_sequence("empty_room", {.width = 320, .height = 240});
   Perception perception = for_people();
