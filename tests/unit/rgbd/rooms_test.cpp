@@ -239,7 +239,7 @@ std::map<std::int32_t, Sighting> sightings(const std::vector<Person>& people, co
   return seen;
 }
 
-// Of those who stand more than the radius from all others that can be seen: how many have a label that nobody else has.
+// Of those who stand more than 70 cm from all others that can be seen: how many have a label that nobody else has.
 struct CrowdResult {
   std::size_t crowded = 0, most = 0, apart = 0, own = 0;
 };
@@ -263,7 +263,7 @@ void count_people(const Perceived& perceived, const TrueFrame& truth, std::size_
       return std::ranges::any_of(seen,
                                  [&](const auto& other) { return other.first != who && condition(other.second); });
     };
-    const double radius = static_cast<double>(SegmentationOptions().radius);
+    const double radius = 1.4 * static_cast<double>(SegmentationOptions().radius);  // limbs reach that far
     if (counts([&](const Sighting& other) { return (other.place - its.place).norm() <= radius; })) continue;
     ++result.apart;
     result.own += counts([&](const Sighting& other) { return other.label() == its.label(); }) ? 0U : 1U;
