@@ -350,8 +350,9 @@ bool spares_recording(Session& session, const PerceiveArguments& arguments, cons
   namespace fs = std::filesystem;
   std::error_code error;
   if (!arguments.record.empty()) {
-    for (const char* list : {"frames.txt", "depth.txt", "associations.txt", "robot.txt", "map.json", "known.json"}) {
-      if (!fs::exists(fs::path(arguments.record) / list, error)) continue;
+    for (const char* list : {"frames.txt", "depth.txt", "associations.txt", "robot.txt", "map.json", "known.json",
+                             "calibration.txt", "rgb.txt", "groundtruth.txt", "depth", "colour", "rgb"}) {
+      if (!fs::exists(fs::symlink_status(fs::path(arguments.record) / list, error))) continue;
       session.error(
           fmt::format("--record: '{}' has a recording, which would be lost; name another folder", arguments.record));
       return false;
@@ -377,6 +378,10 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   if (!session.check_options(outputs, inputs)) return kBadInput;
   if (session.wants_json()) outputs.push_back(session.options().json);
   if (!spares_recording(session, arguments, outputs)) return kBadInput;
+  if (!arguments.record.empty() && !(arguments.map.empty() && arguments.known.empty())) {
+    return session.error("--record takes what FRAMES brings with it: copy the files of --map and --known yourself"),
+           kBadInput;
+  }
   std::string problem;
   auto source = rgbd::open_frames(arguments.frames, session.options().seed, problem);
   if (!source) return session.error(problem), kBadInput;

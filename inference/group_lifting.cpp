@@ -27,6 +27,7 @@ class Lifting {
   std::optional<GroundNetwork> run() {
     if (!worth_looking()) return std::nullopt;
     find_groups();
+    if (stop_ != nullptr && stop_->reached()) return std::nullopt;
     collect();
     choose();
     if (lifted_.empty()) return std::nullopt;

@@ -2,14 +2,32 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <fstream>
 #include <sstream>
 
+#include "mln/lexer.h"
+
 namespace sherlog::rgbd {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::size_t kLongestLine = 4096;
+
+// What messages may repeat.
+bool is_plain_text(std::string_view text) {
+  const auto is_control = [](char c) {
+    return (static_cast<unsigned char>(c) < 32 && c != '\t' && c != '\r') || c == 127;
+  };
+  return text.size() <= kLongestLine && std::ranges::none_of(text, is_control) &&
+         find_invalid_utf8(text) == std::string_view::npos;
+}
+
+}  // namespace
 
 std::optional<std::vector<Line>> read_lines(const fs::path& file, std::string& problem) {
   std::error_code error;
@@ -23,6 +41,11 @@ std::optional<std::vector<Line>> read_lines(const fs::path& file, std::string& p
   std::vector<Line> lines;
   std::string text;
   for (std::size_t number = 1; std::getline(in, text); ++number) {
+    if (!is_plain_text(text)) {
+      problem =
+          at_line(file, {number, {}}, fmt::format("a line of text was expected, of at most {} bytes", kLongestLine));
+      return std::nullopt;
+    }
     std::istringstream words(text);
     Line line{number, {}};
     for (std::string word; words >> word;) line.words.push_back(std::move(word));

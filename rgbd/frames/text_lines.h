@@ -16,7 +16,7 @@ struct Line {
   std::vector<std::string> words;  // one at least
 };
 
-// Lines that are neither empty nor comments (#), as words. Nothing where the file cannot be read.
+// Lines that are neither empty nor comments (#), as words. Nothing where the file cannot be read, or is no text.
 std::optional<std::vector<Line>> read_lines(const std::filesystem::path& file, std::string& problem);
 // "file:line: what"
 std::string at_line(const std::filesystem::path& file, const Line& line, const std::string& what);

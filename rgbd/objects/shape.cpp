@@ -145,6 +145,33 @@ double cylinder_likeness(const std::vector<Vector3f>& points, const CircleFit& c
   return std::max(closed, closed > 0.2 ? upright : 0.6 * upright);
 }
 
+// A footprint of four sides may be a cylinder's that lies along the longer ones: whether the points between its ends are near one
+// rather than near a box's top and sides. Share of these points, 0 where they are a box's.
+double lying_likeness(const std::vector<Vector3f>& points, const Box& box, double tolerance) {
+  constexpr std::size_t kFewest = 30;
+  const double height = box.size.z(), width = box.size.y(), radius = height / 2;
+  if (std::abs(width - height) > 0.3 * height + 2 * tolerance) return 0;
+  const Vector2d x(std::cos(box.heading), std::sin(box.heading)), y(-x.y(), x.x());
+  std::vector<Vector2d> section;  // across, and up
+  for (const Vector3f& p : points) {
+    const Vector2d at = Vector2d(p.x(), p.y()) - box.centre.head<2>();
+    if (std::abs(at.dot(x)) < 0.4 * box.size.x()) section.emplace_back(at.dot(y), p.z());
+  }
+  if (section.size() < kFewest) return 0;
+  const auto share = [&](auto is_near) {
+    return static_cast<double>(std::ranges::count_if(section, is_near)) / static_cast<double>(section.size());
+  };
+  const double boxy = share([&](const Vector2d& p) {
+    return std::abs(p.y() - height) < tolerance || std::abs(std::abs(p.x()) - width / 2) < tolerance;
+  });
+  double round = 0;
+  for (int step = -8; step <= 8; ++step) {  // one side is hidden, so the middle is not sure
+    const Vector2d axis(step * radius / 25, radius);
+    round = std::max(round, share([&](const Vector2d& p) { return std::abs((p - axis).norm() - radius) < tolerance; }));
+  }
+  return round > 0.75 && round > boxy + 0.1 ? round : 0;
+}
+
 }  // namespace
 
 ShapeFit fit_shape(const Hypothesis& thing, double error) {
@@ -178,6 +205,12 @@ ShapeFit fit_shape(const Hypothesis& thing, double error) {
       fit.confidence = cut(0.5 + 2 * (0.25 - height / longest));
       return fit;
     }
+  }
+  const double lying = is_circle ? 0 : lying_likeness(points, fit.box, tolerance);
+  if (lying > 0) {
+    fit.shape = "cylinder";
+    fit.confidence = cut(0.5 * rectangle.inliers + 0.5 * lying);
+    return fit;
   }
   if (!is_circle) {
     fit.shape = "box";

@@ -52,6 +52,12 @@ std::size_t votes(const Plane& plane, const std::vector<Sample>& samples) {
       std::ranges::count_if(samples, [&](const Sample& s) { return std::abs(plane.height(s.point)) < s.tolerance; }));
 }
 
+// Within a third of the tolerance, an error of depth.
+std::size_t close_votes(const Plane& plane, const std::vector<Sample>& samples) {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      samples, [&](const Sample& s) { return std::abs(plane.height(s.point)) < s.tolerance / 3; }));
+}
+
 // Weighted least squares with Tukey's weights of the residuals in tolerances.
 Plane refined(Plane plane, const std::vector<Sample>& samples) {
   for (int round = 0; round < 8; ++round) {
@@ -124,6 +130,32 @@ std::vector<Sample> voters_of(const std::vector<Sample>& samples) {
   return voters;
 }
 
+// The best one parallel to another, below the camera. Far away there are walls in a plane's tolerance, which would tilt it.
+std::optional<Plane> best_parallel(const Vector3d& normal, const std::vector<Sample>& samples,
+                                   const TableOptions& options) {
+  if (samples.empty()) return std::nullopt;
+  const std::vector<Sample> voters = voters_of(samples);
+  std::mt19937_64 random(9);
+  std::optional<Plane> best;
+  std::size_t most = 0;
+  for (std::size_t trial = 0; trial < options.trials; ++trial) {
+    const Plane plane{normal, -normal.dot(samples[random() % samples.size()].point)};
+    const std::size_t count = plane.offset > 0 ? votes(plane, voters) : 0;
+    if (count > most) most = count, best = plane;
+  }
+  for (int round = 0; best && round < 4; ++round) {
+    double sum = 0, weights = 0;
+    for (const Sample& s : samples) {
+      const double r = best->height(s.point) / s.tolerance;
+      if (std::abs(r) >= 1) continue;
+      const double weight = (1 - r * r) * (1 - r * r) / (s.tolerance * s.tolerance);
+      sum += weight * normal.dot(s.point), weights += weight;
+    }
+    if (weights > 0) best->offset = -sum / weights;
+  }
+  return best;
+}
+
 std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::optional<Eigen::Isometry3d>& camera,
                                 const TableOptions& options) {
   if (samples.size() < 3) return std::nullopt;
@@ -149,33 +181,10 @@ std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::o
   }
   if (!best) return std::nullopt;
   const Plane fitted = refined(*best, samples);
-  return is_steep(fitted) ? best : fitted;
-}
-
-// The best one parallel to another, below the camera. Far away there are walls in a plane's tolerance, which would tilt it.
-std::optional<Plane> best_parallel(const Vector3d& normal, const std::vector<Sample>& samples,
-                                   const TableOptions& options) {
-  if (samples.empty()) return std::nullopt;
-  const std::vector<Sample> voters = voters_of(samples);
-  std::mt19937_64 random(9);
-  std::optional<Plane> best;
-  std::size_t most = 0;
-  for (std::size_t trial = 0; trial < options.trials; ++trial) {
-    const Plane plane{normal, -normal.dot(samples[random() % samples.size()].point)};
-    const std::size_t count = plane.offset > 0 ? votes(plane, voters) : 0;
-    if (count > most) most = count, best = plane;
-  }
-  for (int round = 0; best && round < 4; ++round) {
-    double sum = 0, weights = 0;
-    for (const Sample& s : samples) {
-      const double r = best->height(s.point) / s.tolerance;
-      if (std::abs(r) >= 1) continue;
-      const double weight = (1 - r * r) * (1 - r * r) / (s.tolerance * s.tolerance);
-      sum += weight * normal.dot(s.point), weights += weight;
-    }
-    if (weights > 0) best->offset = -sum / weights;
-  }
-  return best;
+  const Plane tilted = is_steep(fitted) ? *best : fitted;
+  const std::optional<Plane> level = up ? best_parallel(*up, samples, options) : std::nullopt;
+  // A slope lies near to two tables of nearly one height: nearer than an error of depth it is to neither.
+  return level && close_votes(*level, voters) >= close_votes(tilted, voters) ? level : tilted;
 }
 
 // The connected pieces of the pixels on the plane, by number; 0: none. The largest ones first, at most kMostPieces.

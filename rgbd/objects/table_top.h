@@ -37,7 +37,7 @@ struct TableOptions {
   std::vector<double> heights = {};
   double least_height = 0.3, height_error = 0.06;
   double least_area = 0.05;         // square metres
-  double least_further_area = 0.1;  // of the second height and on, where `heights` does not name them
+  double least_further_area = 0.2;  // of the second height and on, where `heights` does not name them
   std::size_t most_heights = 4;
   double agreement = 3;  // errors of depth
   double cell = 0.005;   // of the outline's raster, metres

@@ -22,6 +22,7 @@ class WallFinder {
  public:
   WallFinder(const cv::Mat3f& points, const Table& table) {
     error_ = depth_error(table.pose.translation().z());
+    eye_ = table.pose.inverse(Eigen::Isometry).translation().head<2>();
     const int reach = static_cast<int>((0.02 + 3 * error_) / table.cell) + 1;
     cv::Mat1b inner;
     cv::erode(table.raster, inner, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
@@ -71,6 +72,7 @@ class WallFinder {
       Line line{Eigen::Vector2d(along.y(), -along.x()).normalized(), 0};
       line.offset = line.normal.dot(a.head<2>());
       if (line.beyond(0, 0) > 0) line = {-line.normal, -line.offset};
+      if (line.beyond(eye_.x(), eye_.y()) > 0) continue;  // what is between the table and the camera is no wall of its
       const bool bounds =
           std::ranges::all_of(hull_, [&](const Eigen::Vector2d& p) { return line.beyond(p.x(), p.y()) < tolerance(); });
       if (!bounds) continue;
@@ -81,9 +83,9 @@ class WallFinder {
     return best;
   }
 
-  // Wide, upright and covered.
+  // Upright, covered, and wide: most of the table stands against it, which is more than things in a row at its rim do.
   bool is_wall(const Line& line) const {
-    constexpr double kCell = 0.04, kLeastWidth = 0.4, kLeastHeight = 0.15, kLeastCover = 0.4;
+    constexpr double kCell = 0.04, kLeastWidth = 0.4, kLeastHeight = 0.15, kLeastCover = 0.4, kLeastShare = 0.75;
     std::vector<std::pair<int, int>> cells;
     for (const Eigen::Vector3d& p : candidates_) {
       if (std::abs(line.beyond(p.x(), p.y())) >= tolerance()) continue;
@@ -94,13 +96,19 @@ class WallFinder {
     const auto [left, right] = std::ranges::minmax(cells, {}, &std::pair<int, int>::first);
     const auto [low, high] = std::ranges::minmax(cells, {}, &std::pair<int, int>::second);
     const int columns = right.first - left.first + 1, rows = high.second - low.second + 1;
-    return columns * kCell > kLeastWidth && rows * kCell > kLeastHeight &&
+    double first = 0, last = 0;  // of the table, along the wall
+    for (const Eigen::Vector2d& p : hull_) {
+      const double along = line.normal.x() * p.y() - line.normal.y() * p.x();
+      first = std::min(first, along), last = std::max(last, along);
+    }
+    return columns * kCell > std::max(kLeastWidth, kLeastShare * (last - first)) && rows * kCell > kLeastHeight &&
            static_cast<double>(cells.size()) > kLeastCover * columns * rows;
   }
 
   const Eigen::Vector3d& any() { return candidates_[random_() % candidates_.size()]; }
 
   double error_ = 0;
+  Eigen::Vector2d eye_ = Eigen::Vector2d::Zero();  // the camera, from above
   std::vector<Eigen::Vector2d> hull_;
   std::vector<Eigen::Vector3d> candidates_;
   std::mt19937_64 random_{7};

@@ -43,7 +43,8 @@ bool add_robot(FrameSource& source, const std::shared_ptr<const Sequence>& seque
                std::string& problem) {
   const auto file = sequence->folder / "robot.txt";
   std::error_code error;
-  if (!std::filesystem::exists(file, error)) return true;
+  // A link that leads nowhere is no robot that is not there.
+  if (std::filesystem::symlink_status(file, error).type() == std::filesystem::file_type::not_found) return true;
   auto read = RobotPoses::read(file, problem);
   if (!read) return false;
   if (!has_poses) {

@@ -196,7 +196,7 @@ class LocationAnnotator : public Declared {
     const auto& things = in.need<Hypotheses>("things").things;
     for (std::size_t i = 0; i < forms.size(); ++i) {
       const Table& table = in.need<Tables>("tables")[things[i].table];
-      Eigen::Vector3d foot = forms[i].box.centre;
+      Eigen::Vector3d foot = forms[i].shape.empty() ? middle_of(things[i]) : forms[i].box.centre;
       foot.z() = 0;
       out.annotate(i, make("rs.annotation.TFLocation", {{"frame_id", Value(name_at(table, table.in_world * foot))},
                                                         {"reference_desc", Value("on top of")}}));
@@ -204,6 +204,12 @@ class LocationAnnotator : public Declared {
   }
 
  private:
+  static Eigen::Vector3d middle_of(const Hypothesis& thing) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3f& p : thing.points) sum += p.cast<double>();
+    return thing.points.empty() ? sum : Eigen::Vector3d(sum / static_cast<double>(thing.points.size()));
+  }
+
   // The map's surface below the place; without one it is a table.
   std::string name_at(const Table& table, const Eigen::Vector3d& foot) const {
     constexpr double kMargin = 0.05;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
 #include <utility>
 
 #include "rgbd/frames/text_lines.h"
@@ -42,11 +43,11 @@ std::optional<RobotPoses> RobotPoses::read(const std::filesystem::path& file, st
   if (!lines) return std::nullopt;
   RobotPoses robot;
   std::vector<std::size_t> line_of;  // of each link
+  std::unordered_map<std::string, std::size_t> number_of;
   const auto fail = [&](const Line& line, const std::string& what) {
     problem = at_line(file, line, what);
     return std::nullopt;
   };
-  const auto find_link = [&](const std::string& name) { return std::ranges::find(robot.links_, name, &Link::name); };
   for (const Line& line : *lines) {
     const std::span words(line.words);
     if (words[0] == "link") {
@@ -56,7 +57,7 @@ std::optional<RobotPoses> RobotPoses::read(const std::filesystem::path& file, st
                     "a link has a name, a shape that is box, cylinder or capsule, and three positive numbers, of round "
                     "ones the diameter twice");
       }
-      if (find_link(words[1]) != robot.links_.end())
+      if (!number_of.emplace(words[1], robot.links_.size()).second)
         return fail(line, fmt::format("link '{}' is there a second time", words[1]));
       robot.links_.push_back({words[1], *body, {}, {}});
       line_of.push_back(line.number);
@@ -66,13 +67,14 @@ std::optional<RobotPoses> RobotPoses::read(const std::filesystem::path& file, st
       if (!pose || !parse_number(words[1], time)) {
         return fail(line, "a pose is a time, a link's name, a place and a unit quaternion");
       }
-      const auto link = find_link(words[2]);
-      if (link == robot.links_.end()) return fail(line, fmt::format("there is no link '{}' above", words[2]));
-      if (!link->times.empty() && time <= link->times.back()) {
-        return fail(line, fmt::format("time {} after {}", words[1], link->times.back()));
+      const auto found = number_of.find(words[2]);
+      if (found == number_of.end()) return fail(line, fmt::format("there is no link '{}' above", words[2]));
+      Link& link = robot.links_[found->second];
+      if (!link.times.empty() && time <= link.times.back()) {
+        return fail(line, fmt::format("time {} after {}", words[1], link.times.back()));
       }
-      link->times.push_back(time);
-      link->poses.push_back(*pose);
+      link.times.push_back(time);
+      link.poses.push_back(*pose);
     } else {
       return fail(line, fmt::format("a line begins with link or pose, and not with '{}'", words[0]));
     }

@@ -8,7 +8,7 @@ set(may_include_grounding mln)
 set(may_include_inference grounding mln)
 set(may_include_learning inference grounding mln)
 set(may_include_perception_bridge learning inference mln)  # and results; never the inside of grounding
-set(may_include_rgbd perception_bridge)
+set(may_include_rgbd perception_bridge mln)
 set(may_include_cli rgbd perception_bridge learning inference grounding mln)
 set(layers mln grounding inference learning perception_bridge rgbd cli)
 # Below these folders nothing of the library is: a layer includes none of them.

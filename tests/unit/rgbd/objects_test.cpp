@@ -226,6 +226,38 @@ TEST(Shape, AndSizeOfAllThingsAreRight) {
   EXPECT_GE(right, total * 9 / 10) << right << " of " << total;
 }
 
+// Cans and cartons of square section, at any place and turn, that lie.
+TEST(Shape, OfWhatLiesIsACylinderOrABox) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  std::size_t right = 0, total = 0;
+  for (int round = 0; round < 24; ++round) {
+    Shot shot;
+    const bool is_round = round % 2 == 0;
+    const double width = 0.075 + 0.015 * unit(random), length = 0.18 + 0.06 * unit(random);
+    Entity entity{.kind = EntityKind::kObject, .name = "lying", .size = {width, width, length}};
+    entity.pose.linear() = (Eigen::AngleAxisd(1.5 * unit(random), Vector3d::UnitZ()) *
+                            Eigen::AngleAxisd(std::numbers::pi / 2, Vector3d::UnitY()))
+                               .toRotationMatrix();
+    entity.pose.translation() = Vector3d(0.4 * unit(random), 1.15 + 0.2 * unit(random), kTableHeight + width / 2);
+    Body body{.shape = is_round ? BodyShape::kCylinder : BodyShape::kBox,
+              .size = entity.size,
+              .pose = entity.pose,
+              .colour = {40, 60, 200}};
+    body.entity = shot.scene.add(std::move(entity));
+    shot.scene.bodies.push_back(body);
+    shot.take({}, static_cast<std::uint64_t>(round) + 1);
+    const Hypotheses found = shot.find();
+    ASSERT_EQ(found.things.size(), 1U) << round;
+    const ShapeFit fit = fit_shape(found.things[0], 0.002);
+    ++total;
+    right += fit.shape == (is_round ? "cylinder" : "box") ? 1U : 0U;
+    EXPECT_NEAR(fit.box.size.x(), length, 0.03) << round;
+    EXPECT_NEAR(fit.box.size.z(), width, 0.012) << round;
+  }
+  EXPECT_GE(right, total * 9 / 10) << right << " of " << total;
+}
+
 TEST(Circle, IsFittedThroughAQuarterOfOutliers) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> unit(-1, 1);

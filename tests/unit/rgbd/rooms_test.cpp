@@ -76,7 +76,7 @@ TEST(Tables, OfOneHeightAreAllLookedAt) {
 }
 
 TEST(Tables, OfTwoHeightsAreBothLookedAt) {
-  for (const double height : {0.5, 0.65, 0.82, 0.9}) {
+  for (const double height : {0.5, 0.65, 0.80, 0.82, 0.9}) {
     SCOPED_TRACE(height);
     const SyntheticSequence sequence = two_tables(height);
     Perception perception = everything({});
@@ -104,6 +104,30 @@ TEST(Tables, MayStandAgainstWalls) {
     Perception perception = everything({});
     EXPECT_EQ(names_found(perception, sequence, 0), (std::multiset<std::string>{"in front", "at the wall", "cup"}));
   }
+}
+
+// Neither a box at the near rim nor a row of books at the far one is a wall.
+TEST(Tables, HaveThingsAtTheirRims) {
+  Scene room;
+  add_block(room, "floor", {-4, -2, -0.1}, {4, 5, 0}, {110, 120, 130});
+  add_block(room, "table", {-0.8, 1.0, 0.7}, {0.8, 1.7, 0.75}, {90, 130, 170});
+  const auto story = [](double) {
+    Scene scene;
+    add_block(scene, "crate", {-0.6, 1.02, 0.75}, {-0.08, 1.14, 0.93}, {60, 60, 190});
+    const char* names[] = {"book 1", "book 2", "book 3", "book 4"};
+    for (int i = 0; i < 4; ++i) {
+      const double x = 0.05 + 0.17 * i;
+      const cv::Vec3b colour(i % 2 == 0 ? 200 : 40, i % 2 == 0 ? 40 : 160, 40);
+      add_block(scene, names[i], {x, 1.63, 0.75}, {x + 0.15, 1.67, 0.98}, colour);
+    }
+    for (Entity& entity : scene.entities) entity.kind = EntityKind::kObject;
+    return scene;
+  };
+  const SyntheticSequence sequence{
+      "rims", kinect_calibration(640, 480), look_at({0, 0.0, 1.6}, {0, 1.35, 0.75}), 2, room, story, {}, 1};
+  Perception perception = everything({});
+  EXPECT_EQ(names_found(perception, sequence, 0),
+            (std::multiset<std::string>{"crate", "book 1", "book 2", "book 3", "book 4"}));
 }
 
 TEST(Tables, AMapSaysWhichOfTwoHeightsIsMeant) {
