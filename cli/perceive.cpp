@@ -15,6 +15,7 @@
 #include "perception_bridge/observe.h"
 #include "perception_bridge/scene_tracker.h"
 #include "perception_bridge/shipped_models.h"
+#include "rgbd/pipeline/capabilities.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
 #include "rgbd/pipeline/recorder.h"
@@ -26,11 +27,11 @@ namespace {
 struct PerceiveArguments {
   std::string frames, query, keys, store, prefix, map, known, evidence, record;
   std::string mapping = "robosherlock";
-  std::vector<std::string> flow;
+  std::vector<std::string> flow, annotators;
   std::optional<std::uint64_t> every;
   std::uint64_t most_people = rgbd::SegmentationOptions().most_means;
   std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
-  bool times = false, replace = false, moving = false, labels = false, people = false;
+  bool times = false, replace = false, moving = false, labels = false, people = false, plan = false;
 
   // Labels of people hold from frame to frame.
   std::uint64_t step() const { return every.value_or(people ? 1 : 10); }
@@ -103,6 +104,18 @@ bool read_request(Session& session, const PerceiveArguments& arguments, std::opt
   return request.has_value();
 }
 
+// Sherlog's own, or those of --annotators.
+std::optional<rgbd::Annotators> make_annotators(const PerceiveArguments& arguments, const rgbd::Knowledge& knowledge,
+                                                std::string& problem) {
+  if (!arguments.annotators.empty()) return rgbd::read_capabilities(arguments.annotators, problem);
+  rgbd::Annotators annotators = rgbd::object_annotators(knowledge);
+  if (arguments.people) {
+    for (auto& annotator : rgbd::people_annotators({.most_means = static_cast<std::size_t>(arguments.most_people)}))
+      annotators.push_back(std::move(annotator));
+  }
+  return annotators;
+}
+
 std::optional<rgbd::Perception> make_perception(Session& session, const PerceiveArguments& arguments,
                                                 const rgbd::Knowledge& knowledge, const std::string& name,
                                                 const std::optional<rgbd::Request>& request) {
@@ -113,8 +126,9 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   std::string problem;
   if (request) {
     options.request = request;
-    const std::vector<std::string> types = options.request->types();
-    if (std::ranges::count(types, "rs.annotation.Classification") > 0 && knowledge.things.empty()) {
+    const auto wanted = request->wanted();
+    if (std::ranges::count(wanted, "rs.annotation.Classification", &rgbd::Wanted::name) > 0 &&
+        knowledge.things.empty() && arguments.annotators.empty()) {
       session.error("--query: which classes of things there may be is not known; --known FILE says it");
       return std::nullopt;
     }
@@ -122,14 +136,17 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   // A store and evidence take all that can be found.
   if (!arguments.store.empty() || !arguments.evidence.empty()) options.request = rgbd::Request{};
   options.flow = arguments.flow;
-  rgbd::Annotators annotators = rgbd::object_annotators(knowledge);
-  if (arguments.people) {
-    options.also.emplace_back("sherlog.annotation.Person");
-    for (auto& annotator : rgbd::people_annotators({.most_means = static_cast<std::size_t>(arguments.most_people)}))
-      annotators.push_back(std::move(annotator));
+  if (options.flow.size() == 1 && std::filesystem::path(options.flow[0]).extension() == ".yaml") {
+    auto names = rgbd::read_analysis_engine(options.flow[0], problem);
+    if (!names) return session.error(problem), std::nullopt;
+    options.flow = std::move(*names);
   }
-  auto perception = rgbd::Perception::make(std::move(annotators), std::move(options), problem);
-  if (!perception) session.error(problem);
+  if (arguments.people) options.also.emplace_back("sherlog.annotation.Person");
+  auto annotators = make_annotators(arguments, knowledge, problem);
+  if (!annotators) return session.error(problem), std::nullopt;
+  auto perception = rgbd::Perception::make(std::move(*annotators), std::move(options), problem);
+  if (!perception) return session.error(problem), std::nullopt;
+  for (const std::string& warning : perception->flow().warnings) session.warning(warning);
   return perception;
 }
 
@@ -370,7 +387,48 @@ bool spares_recording(Session& session, const PerceiveArguments& arguments, cons
   return true;
 }
 
+bool read_all_knowledge(Session& session, const PerceiveArguments& arguments, rgbd::Knowledge& knowledge) {
+  return read_knowledge(session, "--map", arguments.map, rgbd::parse_map, knowledge.map) &&
+         read_knowledge(session, "--map", arguments.map, rgbd::parse_structure, knowledge.structure) &&
+         read_knowledge(session, "--known", arguments.known, rgbd::parse_known_things, knowledge.things);
+}
+
+// Who would run, in which order, and for what: no frame is looked at.
+int plan(Session& session, const PerceiveArguments& arguments) {
+  std::vector<std::string> inputs = {arguments.map, arguments.known, arguments.keys};
+  std::erase(inputs, "");
+  if (!session.check_options({}, inputs)) return kBadInput;
+  rgbd::Knowledge knowledge;
+  std::optional<rgbd::Request> request;
+  if (!read_all_knowledge(session, arguments, knowledge) || !read_request(session, arguments, request))
+    return kBadInput;
+  if (!request && !arguments.annotators.empty()) request = rgbd::Request{};
+  const auto perception = make_perception(session, arguments, knowledge, "plan", request);
+  if (!perception) return kBadInput;
+  const std::vector<std::string> names = perception->annotators();
+  Table table({{"", Align::kRight}, {"annotator", Align::kLeft}, {"reads", Align::kLeft}, {"writes", Align::kLeft}});
+  Json steps = Json::array();
+  for (std::size_t step = 0; step < names.size(); ++step) {
+    const rgbd::Annotator& annotator = perception->annotator(step);
+    table.add_row({std::to_string(step + 1), names[step], fmt::format("{}", fmt::join(annotator.reads(), " ")),
+                   fmt::format("{}", fmt::join(annotator.writes(), " "))});
+    Json after = Json::array();
+    for (const std::size_t before : perception->flow().after[step]) after.push_back(names[before]);
+    steps.push_back({{"annotator", names[step]},
+                     {"reads", annotator.reads()},
+                     {"writes", annotator.writes()},
+                     {"after", std::move(after)}});
+  }
+  return session.finish(kDone, table.text(), [&] {
+    return to_text(Json{{"schema", "sherlog.perceive/1"},
+                        {"termination", to_string(Termination::kCompleted)},
+                        {"annotators", names},
+                        {"plan", steps}});
+  });
+}
+
 int perceive(Session& session, const PerceiveArguments& arguments) {
+  if (arguments.plan) return plan(session, arguments);
   std::vector<std::string> outputs,
       inputs = {arguments.map, arguments.known, arguments.keys, arguments.mapping, arguments.store};
   if (!arguments.evidence.empty()) outputs.push_back(arguments.evidence);
@@ -394,11 +452,7 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   }
   if (source->unpaired > 0) session.warning(fmt::format("{} depth images have no colour image", source->unpaired));
   if (!arguments.record.empty()) return record_frames(session, arguments, *source);
-  if (!read_knowledge(session, "--map", arguments.map, rgbd::parse_map, source->knowledge.map) ||
-      !read_knowledge(session, "--map", arguments.map, rgbd::parse_structure, source->knowledge.structure) ||
-      !read_knowledge(session, "--known", arguments.known, rgbd::parse_known_things, source->knowledge.things)) {
-    return kBadInput;
-  }
+  if (!read_all_knowledge(session, arguments, source->knowledge)) return kBadInput;
   std::optional<rgbd::Request> request;
   if (!read_request(session, arguments, request)) return kBadInput;
   auto perception = make_perception(session, arguments, source->knowledge, source->name, request);
@@ -447,11 +501,11 @@ void add_perceive(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto arguments = std::make_shared<PerceiveArguments>();
   CLI::App* command = app.add_subcommand("perceive", "Things on tables in depth and colour frames: answers and scenes");
-  command
-      ->add_option("FRAMES", arguments->frames,
-                   "A recording's folder (docs/perception.md), or synthetic:NAME such as synthetic:table_moves")
-      ->required()
-      ->type_name("");
+  CLI::Option* frames =
+      command
+          ->add_option("FRAMES", arguments->frames,
+                       "A recording's folder (docs/perception.md), or synthetic:NAME such as synthetic:table_moves")
+          ->type_name("");
   CLI::Option* query =
       command
           ->add_option("--query", arguments->query,
@@ -500,17 +554,28 @@ void add_perceive(CLI::App& app, Action& action) {
   command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
   command
       ->add_option("--flow", arguments->flow,
-                   "These annotators in this order, whatever is asked for (--times names those that are planned)")
-      ->type_name("NAME,..")
+                   "These annotators in this order, whatever is asked for; or the fixed flow of an analysis engine")
+      ->type_name("NAME,..|FILE.yaml")
       ->delimiter(',');
   command->add_flag("--times", arguments->times, "How long each annotator took: mean and standard deviation");
   CLI::Option* record =
       command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")
           ->type_name("FOLDER");
   for (CLI::Option* other : {query, store, evidence, labels, people}) record->excludes(other);
+  CLI::Option* plan =
+      command->add_flag("--plan", arguments->plan, "Only say which annotators would run, and in which order");
+  command
+      ->add_option("--annotators", arguments->annotators,
+                   "Plan with these instead: RoboSherlock's .yaml files of annotators, and folders of them")
+      ->type_name("PATH,..")
+      ->delimiter(',')
+      ->needs(plan);
+  for (CLI::Option* other : {frames, store, evidence, labels, record}) plan->excludes(other);
   add_common_options(*command, *options);
-  command->callback(
-      [options, arguments, &action] { action = [options, arguments] { return run_perceive(*options, *arguments); }; });
+  command->callback([options, arguments, &action] {
+    if (arguments->frames.empty() && !arguments->plan) throw CLI::RequiredError("FRAMES");
+    action = [options, arguments] { return run_perceive(*options, *arguments); };
+  });
 }
 
 }  // namespace sherlog::cli

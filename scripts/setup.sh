@@ -4,7 +4,7 @@ set -eu
 
 packages="g++ cmake ninja-build pkg-config libboost-dev libeigen3-dev libfmt-dev nlohmann-json3-dev libcli11-dev
           coinor-libcbc-dev libceres-dev libsqlite3-dev libgtest-dev libgmock-dev libbenchmark-dev libnanoflann-dev
-          libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev libpng-dev libopencv-video-dev"
+          libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev libpng-dev libyaml-cpp-dev libopencv-video-dev"
 case "${1:-build}" in
   build) ;;
   format) packages="clang-format" ;;

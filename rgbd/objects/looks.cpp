@@ -6,8 +6,6 @@
 namespace sherlog::rgbd {
 namespace {
 
-constexpr std::array<const char*, 9> kNames = {"red",     "yellow", "green", "cyan", "blue",
-                                               "magenta", "white",  "grey",  "black"};
 constexpr int kLeastValue = 60, kLeastSaturation = 60, kWhite = 120;
 
 // `hsv`: hue in half degrees, as OpenCV has it.
@@ -36,16 +34,16 @@ cv::Mat3b hsv_of(const ColourImage& colour, const Hypothesis& thing) {
 std::string colour_name(const cv::Vec3b& bgr) {
   cv::Mat3b pixel(1, 1, bgr);
   cv::cvtColor(pixel, pixel, cv::COLOR_BGR2HSV);
-  return kNames[name_index(pixel(0, 0))];
+  return kColours[name_index(pixel(0, 0))];
 }
 
 std::vector<ColourName> colour_names(const ColourImage& colour, const Hypothesis& thing) {
   const cv::Mat3b hsv = hsv_of(colour, thing);
-  std::array<double, kNames.size()> counts{};
+  std::array<double, kColours.size()> counts{};
   for (const cv::Vec3b& pixel : hsv) counts[name_index(pixel)] += 1;
   std::vector<ColourName> names;
-  for (std::size_t i = 0; i < kNames.size(); ++i) {
-    if (counts[i] > 0) names.push_back({kNames[i], counts[i] / static_cast<double>(hsv.total())});
+  for (std::size_t i = 0; i < kColours.size(); ++i) {
+    if (counts[i] > 0) names.push_back({kColours[i], counts[i] / static_cast<double>(hsv.total())});
   }
   std::ranges::stable_sort(names, std::greater<>{}, &ColourName::share);
   return names;

@@ -16,8 +16,10 @@ namespace sherlog::rgbd {
 
 inline constexpr double kReportedShare = 0.2;
 
+inline constexpr std::array kColours = {"red", "yellow", "green", "cyan", "blue", "magenta", "white", "grey", "black"};
+
 struct ColourName {
-  std::string name;  // red, yellow, green, cyan, blue, magenta, white, grey, black
+  std::string name;  // one of kColours
   double share = 0;
 };
 

@@ -13,6 +13,7 @@
 // Cost      O(points)
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "rgbd/objects/hypotheses.h"
@@ -42,8 +43,10 @@ std::vector<Eigen::Vector2d> outline_of(const std::vector<Eigen::Vector3f>& poin
 CircleFit fit_circle(const std::vector<Eigen::Vector2d>& outline, double tolerance);
 RectangleFit fit_rectangle(const std::vector<Eigen::Vector2d>& outline, double tolerance);
 
+inline constexpr std::array kShapes = {"box", "round", "flat", "cylinder"};
+
 struct ShapeFit {
-  std::string shape;  // box, round, flat, cylinder; empty: too few points
+  std::string shape;  // one of kShapes; empty: too few points
   double confidence = 0;
   Box box;
   double box_share = 0, circle_share = 0;
@@ -56,8 +59,9 @@ ShapeFit fit_shape(const Hypothesis& thing, double error);
 std::vector<double> shape_features(const Hypothesis& thing);
 
 // small < 0.0012 m^3 <= medium < 0.004 <= large. The confidence is 1/2 at a limit and grows away from it.
+inline constexpr std::array kSizes = {"small", "medium", "large"};
 struct SizeName {
-  std::string name;
+  std::string name;  // one of kSizes
   double confidence = 0;
 };
 SizeName size_name(double cubic_metres);

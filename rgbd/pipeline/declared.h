@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,8 +31,16 @@ class Declared : public Annotator {
   Names reads() const override { return reads_; }
   Names writes() const override { return writes_; }
   double cost() const override { return cost_; }
+  Names written_values(const std::string& type) const override { return find_or_none(written_values_, type); }
 
  protected:
+  // The texts of a type that it writes, when it can say them.
+  void set_written_values(const std::string& type, Names values) { written_values_[type] = std::move(values); }
+  static Names find_or_none(const std::map<std::string, Names>& values, const std::string& type) {
+    const auto found = values.find(type);
+    return found == values.end() ? Names() : found->second;
+  }
+
   Annotation make(const char* type, Value::Object fields, std::optional<double> confidence = {}) const {
     if (confidence) confidence = rounded(*confidence, 1e4);
     return make_annotation(type, name_, std::move(fields), confidence);
@@ -40,6 +49,7 @@ class Declared : public Annotator {
  private:
   std::string name_;
   Names reads_, writes_;
+  std::map<std::string, Names> written_values_;
   double cost_;
 };
 

@@ -3,8 +3,8 @@
 // Idea      An annotator says what it reads and what it writes: views by name, annotations by type. A plan begins with
 //           what is wanted and goes back through the writers to what the camera gives; who is not met on the way does
 //           not run. Of two writers of a view the cheaper one runs; of annotations all do, since two opinions are
-//           better than one. The order is that of the list as far as what they read allows, so it is the same every
-//           time.
+//           better than one; but not those that could not say what is asked for. The order is that of the list as far
+//           as what they read allows, so it is the same every time.
 // Source    Beetz et al., RoboSherlock, ICRA 2015, sections 3 and 6 (flow controllers; pipelines from queries)
 // Errors    a sentence: a name that nobody writes and who wanted it; a cycle, with its members
 #pragma once
@@ -28,7 +28,10 @@ class Annotator {
   virtual std::vector<std::string> reads()
       const = 0;  // all of it is needed, but for annotations that nobody could write
   virtual std::vector<std::string> writes() const = 0;  // what it does not name here is refused
-  virtual double cost() const { return 1; }             // milliseconds, roughly
+  // Which texts of such a type it may write, and which it can work with, upper and lower case alike. None: any.
+  virtual std::vector<std::string> written_values(const std::string& /*type*/) const { return {}; }
+  virtual std::vector<std::string> read_values(const std::string& /*type*/) const { return {}; }
+  virtual double cost() const { return 1; }  // milliseconds, roughly
   // `in` has what reads() names. May throw: then nothing of `out` counts. Called once a frame, on any thread.
   virtual void process(const Analysis& in, Analysis& out) = 0;
 };
@@ -43,11 +46,18 @@ using Annotators = std::vector<std::unique_ptr<Annotator>>;
 struct Flow {
   std::vector<std::size_t> order;
   std::vector<std::vector<std::size_t>> after;
+  std::vector<std::string> warnings = {};  // of values that nobody could write: all writers run, and none will
 };
 
-// `given`: views that are there from the start; `wanted`: views and types.
+// A view or a type; of a type perhaps only one of these values, upper and lower case alike.
+struct Wanted {
+  std::string name;
+  std::vector<std::string> values = {};
+};
+
+// `given`: views that are there from the start.
 std::optional<Flow> plan_flow(const Annotators& annotators, std::span<const std::string> given,
-                              std::span<const std::string> wanted, std::string& problem);
+                              std::span<const Wanted> wanted, std::string& problem);
 // These, in this order. Refused where one reads what a later one writes, or nobody.
 std::optional<Flow> fixed_flow(const Annotators& annotators, std::span<const std::string> given,
                                std::span<const std::string> names, std::string& problem);

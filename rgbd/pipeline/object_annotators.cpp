@@ -112,7 +112,9 @@ class Fitter : public Declared {
 
 class ShapeAnnotator : public Declared {
  public:
-  ShapeAnnotator() : Declared("PrimitiveShapeAnnotator", {"forms"}, {"rs.annotation.Shape"}, 1) {}
+  ShapeAnnotator() : Declared("PrimitiveShapeAnnotator", {"forms"}, {"rs.annotation.Shape"}, 1) {
+    set_written_values("rs.annotation.Shape", {kShapes.begin(), kShapes.end()});
+  }
   void process(const Analysis& in, Analysis& out) override {
     const Forms& forms = in.need<Forms>("forms");
     for (std::size_t i = 0; i < forms.size(); ++i) {
@@ -126,7 +128,9 @@ class GeometryAnnotator : public Declared {
  public:
   GeometryAnnotator()
       : Declared("Cluster3DGeometryAnnotator", {"things", "forms", "tables"},
-                 {"rs.annotation.SemanticSize", "rs.annotation.Geometry", "rs.annotation.PoseAnnotation"}, 1) {}
+                 {"rs.annotation.SemanticSize", "rs.annotation.Geometry", "rs.annotation.PoseAnnotation"}, 1) {
+    set_written_values("rs.annotation.SemanticSize", {kSizes.begin(), kSizes.end()});
+  }
   void process(const Analysis& in, Analysis& out) override {
     const Forms& forms = in.need<Forms>("forms");
     const auto& things = in.need<Hypotheses>("things").things;
@@ -155,7 +159,9 @@ class ColourAnnotator : public Declared {
       : Declared(
             "ColorAnnotator", {"things", "colour"},
             {"rs.annotation.SemanticColor", "sherlog.annotation.MeanColor", "rs.annotation.HueSaturationHistogram"},
-            5) {}
+            5) {
+    set_written_values("rs.annotation.SemanticColor", {kColours.begin(), kColours.end()});
+  }
   void process(const Analysis& in, Analysis& out) override {
     const auto& things = in.need<Hypotheses>("things").things;
     const ColourImage& colour = in.need<ColourImage>("colour");
@@ -190,7 +196,11 @@ class LocationAnnotator : public Declared {
  public:
   explicit LocationAnnotator(SemanticMap map)
       : Declared("LocationAnnotator", {"things", "forms", "tables"}, {"rs.annotation.TFLocation"}, 1),
-        map_(std::move(map)) {}
+        map_(std::move(map)) {
+    Names names = {"table"};
+    for (const Surface& surface : map_) names.push_back(surface.name);
+    set_written_values("rs.annotation.TFLocation", std::move(names));
+  }
   void process(const Analysis& in, Analysis& out) override {
     const Forms& forms = in.need<Forms>("forms");
     const auto& things = in.need<Hypotheses>("things").things;
@@ -231,7 +241,11 @@ class KnownThingsAnnotator : public Declared {
       : Declared("KnownThingsAnnotator",
                  {"rs.annotation.Shape", "rs.annotation.Geometry", "sherlog.annotation.MeanColor"},
                  {"rs.annotation.Classification"}, 1),
-        things_(std::move(things)) {}
+        things_(std::move(things)) {
+    Names names;
+    for (const KnownThing& thing : things_) names.push_back(thing.name);
+    set_written_values("rs.annotation.Classification", std::move(names));
+  }
   void process(const Analysis& in, Analysis& out) override {
     for (std::size_t i = 0; i < in.clusters(); ++i) {
       const auto shapes = in.annotations_of(i, "rs.annotation.Shape");

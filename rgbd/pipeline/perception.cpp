@@ -44,23 +44,34 @@ std::string mismatch(const Frame& frame, const Calibration& calibration) {
   return {};
 }
 
+std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOptions& options) {
+  std::vector<Wanted> wanted;
+  for (const std::string& name : options.also) wanted.push_back({name});
+  if (!options.request) {
+    if (wanted.empty()) wanted.push_back({"foreground"});
+    return wanted;
+  }
+  std::vector<std::string> all;
+  for (const auto& annotator : annotators) {
+    for (std::string& name : annotator->writes()) {
+      if (is_type_name(name)) all.push_back(std::move(name));
+    }
+  }
+  // Where it is belongs to every answer.
+  for (const char* name : {"rs.scene.ImageROI", "rs.annotation.PoseAnnotation"}) {
+    if (std::ranges::find(all, name) != all.end()) wanted.push_back({name});
+  }
+  for (Wanted& condition : options.request->wanted()) wanted.push_back(std::move(condition));
+  if (options.request->wants_everything()) {
+    for (std::string& name : all) wanted.push_back({std::move(name)});
+  }
+  return wanted;
+}
+
 }  // namespace
 
 std::optional<Perception> Perception::make(Annotators annotators, PerceptionOptions options, std::string& problem) {
-  std::vector<std::string> wanted = options.also;
-  if (!options.request && wanted.empty()) wanted.push_back("foreground");
-  if (options.request) {
-    // Where it is belongs to every answer.
-    for (const char* name : {"rs.scene.ImageROI", "rs.annotation.PoseAnnotation"}) wanted.emplace_back(name);
-    for (std::string& type : options.request->types()) wanted.push_back(std::move(type));
-    if (options.request->wants_everything()) {
-      for (const auto& annotator : annotators) {
-        for (std::string& name : annotator->writes()) {
-          if (is_type_name(name)) wanted.push_back(std::move(name));
-        }
-      }
-    }
-  }
+  const std::vector<Wanted> wanted = wanted_of(annotators, options);
   auto flow = options.flow.empty() ? plan_flow(annotators, frame_views(), wanted, problem)
                                    : fixed_flow(annotators, frame_views(), options.flow, problem);
   if (!flow) return std::nullopt;
@@ -69,7 +80,7 @@ std::optional<Perception> Perception::make(Annotators annotators, PerceptionOpti
 
 std::vector<std::string> Perception::annotators() const {
   std::vector<std::string> names;
-  for (const std::size_t position : flow_.order) names.push_back(annotators_[position]->name());
+  for (std::size_t step = 0; step < flow_.order.size(); ++step) names.push_back(annotator(step).name());
   return names;
 }
 

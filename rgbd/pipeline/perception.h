@@ -47,6 +47,8 @@ class Perception {
                      const KnownBodies& bodies = {});
   // In their order.
   std::vector<std::string> annotators() const;
+  const Flow& flow() const { return flow_; }
+  const Annotator& annotator(std::size_t step) const { return *annotators_[flow_.order[step]]; }
   const RunTimes& times() const { return times_; }
 
  private:

@@ -109,14 +109,17 @@ std::optional<std::vector<RequestKey>> parse_request_keys(const std::string& tex
   return keys;
 }
 
-std::vector<std::string> Request::types() const {
-  std::vector<std::string> types;
+std::vector<Wanted> Request::wanted() const {
+  std::vector<Wanted> wanted;
   for (const Condition& condition : conditions) {
+    // Of alternatives, one may say what the other cannot.
+    const bool has_alternatives = std::ranges::count(keys, condition.key, &RequestKey::key) > 1;
     for (const RequestKey& known : keys) {
-      if (known.key == condition.key) types.push_back(known.type);
+      if (known.key != condition.key) continue;
+      wanted.push_back({known.type, has_alternatives ? std::vector<std::string>() : condition.values});
     }
   }
-  return types;
+  return wanted;
 }
 
 bool Request::accepts(const Cluster& cluster) const {

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "perception_bridge/scene.h"
+#include "rgbd/pipeline/flow.h"
 
 namespace sherlog::rgbd {
 
@@ -41,8 +42,8 @@ struct Request {
 
   // Following a thing takes all of its looks.
   bool wants_everything() const { return conditions.empty() || verb != Verb::kDetect; }
-  // Types of annotations that are needed for an answer.
-  std::vector<std::string> types() const;
+  // Types of annotations that are needed for an answer, with the values asked for.
+  std::vector<Wanted> wanted() const;
   bool accepts(const Cluster& cluster) const;
 };
 

@@ -87,6 +87,44 @@ TEST_F(Perceive, InspectsWithAllThatThereIsAndTakesAFlow) {
   EXPECT_NE(wrong.err, "");
 }
 
+TEST_F(Perceive, PlansWithoutFrames) {
+  const Outcome own = scratch.sherlog("perceive --plan --query '{\"detect\": {\"shape\": \"box\"}}' --json -");
+  ASSERT_EQ(own.code, 0) << own.err;
+  const Json steps = Json::parse(own.out)["plan"];
+  ASSERT_FALSE(steps.empty());
+  EXPECT_EQ(steps.back()["annotator"], "Cluster3DGeometryAnnotator");
+  EXPECT_FALSE(steps.back()["after"].empty());
+  const Outcome unknown = scratch.sherlog("perceive --plan --query '{\"detect\": {\"shape\": \"pyramid\"}}'");
+  EXPECT_EQ(unknown.code, 0);
+  EXPECT_THAT(unknown.err, HasSubstr("box, cylinder, flat, round"));
+  EXPECT_EQ(scratch.sherlog("perceive").code, 2);
+  EXPECT_EQ(scratch.sherlog("perceive --plan synthetic:table_moves").code, 2);
+  EXPECT_EQ(scratch.sherlog("perceive synthetic:table_moves --annotators robot").code, 2);
+}
+
+TEST_F(Perceive, PlansWithAnnotatorsOfARobot) {
+  fs::create_directory(scratch.folder() / "robot");
+  scratch.write("robot/camera.yaml", "annotator: {name: Camera}\ncapabilities:\n  outputs: [rs.pcl.PointCloud]\n");
+  scratch.write("robot/clusters.yaml",
+                "annotator: {name: Clusters}\ncapabilities:\n  inputs: [rs.pcl.PointCloud]\n"
+                "  outputs: [rs.scene.Cluster]\n");
+  scratch.write("robot/shapes.yaml",
+                "annotator: {name: Shapes}\ncapabilities:\n  inputs: [rs.scene.Cluster]\n"
+                "  outputs:\n    - rs.annotation.Shape: [box, round]\n");
+  scratch.write("robot/engine.yaml", "ae: {name: demo}\nfixedflow: [Camera, Shapes]\n");
+  const Outcome planned =
+      scratch.sherlog("perceive --plan --annotators robot --query '{\"detect\": {\"shape\": \"box\"}}' --json -");
+  ASSERT_EQ(planned.code, 0) << planned.err;
+  EXPECT_EQ(Json::parse(planned.out)["annotators"], Json({"Camera", "Clusters", "Shapes"}));
+  const Outcome fixed = scratch.sherlog("perceive --plan --annotators robot --flow robot/engine.yaml");
+  EXPECT_EQ(fixed.code, 2);
+  EXPECT_THAT(fixed.err, HasSubstr("nobody in the flow writes 'rs.scene.Cluster', which 'Shapes' needs"));
+  scratch.write("robot/shapes.yaml", "annotator:\n  name: Shapes\ncapabilities: [\n");
+  const Outcome broken = scratch.sherlog("perceive --plan --annotators robot");
+  EXPECT_EQ(broken.code, 2);
+  EXPECT_THAT(broken.err, HasSubstr("shapes.yaml:"));
+}
+
 TEST_F(Perceive, LooksForNoObjectUnlessAsked) {
   const Outcome outcome = scratch.sherlog("perceive synthetic:table_moves --last 0 --times");
   ASSERT_EQ(outcome.code, 0) << outcome.err;

@@ -17,6 +17,12 @@ namespace {
 
 using Names = std::vector<std::string>;
 
+std::vector<Wanted> wants(const Names& names) {
+  std::vector<Wanted> wanted;
+  for (const std::string& name : names) wanted.push_back({name});
+  return wanted;
+}
+
 // An annotator made of a function.
 class Simple : public Annotator {
  public:
@@ -80,7 +86,7 @@ TEST(Plan, HasOnlyWhoIsNeededInAnOrderThatWorks) {
       list(Simple("shape", {"things"}, {"rs.annotation.Shape"}), Simple("things", {"cloud"}, {"things"}),
            Simple("people", {"depth"}, {"people"}), Simple("cloud", {"depth"}, {"cloud"}));
   std::string problem;
-  const auto flow = plan_flow(annotators, Names{"depth"}, Names{"rs.annotation.Shape"}, problem);
+  const auto flow = plan_flow(annotators, Names{"depth"}, wants({"rs.annotation.Shape"}), problem);
   EXPECT_EQ(order_of(annotators, flow), (Names{"cloud", "things", "shape"})) << problem;
 }
 
@@ -89,14 +95,14 @@ TEST(Plan, TakesTheCheaperWriterOfAViewAndAllOfAnAnnotation) {
       list(Simple("slow", {"depth"}, {"cloud"}, {}, 9), Simple("quick", {"depth"}, {"cloud"}, {}, 2),
            Simple("one", {"cloud"}, {"rs.annotation.Shape"}), Simple("two", {"cloud"}, {"rs.annotation.Shape"}));
   std::string problem;
-  const auto flow = plan_flow(annotators, Names{"depth"}, Names{"rs.annotation.Shape"}, problem);
+  const auto flow = plan_flow(annotators, Names{"depth"}, wants({"rs.annotation.Shape"}), problem);
   EXPECT_EQ(order_of(annotators, flow), (Names{"quick", "one", "two"})) << problem;
 }
 
 TEST(Plan, NamesTheMembersOfACircle) {
   const Annotators annotators = list(Simple("a", {"y"}, {"x"}), Simple("b", {"x"}, {"y"}));
   std::string problem;
-  EXPECT_FALSE(plan_flow(annotators, Names{"depth"}, Names{"x"}, problem));
+  EXPECT_FALSE(plan_flow(annotators, Names{"depth"}, wants({"x"}), problem));
   EXPECT_NE(problem.find("a -> b -> a"), std::string::npos) << problem;
   EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"a", "b"}, problem));
   EXPECT_NE(problem.find("'a' runs before 'b'"), std::string::npos) << problem;
@@ -105,7 +111,7 @@ TEST(Plan, NamesTheMembersOfACircle) {
 TEST(Plan, NamesWhatNobodyWritesAndWhoNeedsIt) {
   const Annotators annotators = list(Simple("a", {"rs.annotation.Barcode"}, {"x"}));
   std::string problem;
-  EXPECT_FALSE(plan_flow(annotators, Names{"depth"}, Names{"x"}, problem));
+  EXPECT_FALSE(plan_flow(annotators, Names{"depth"}, wants({"x"}), problem));
   EXPECT_NE(problem.find("'rs.annotation.Barcode', which 'a' needs"), std::string::npos) << problem;
   EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"a"}, problem));
   EXPECT_NE(problem.find("'rs.annotation.Barcode'"), std::string::npos) << problem;
@@ -139,7 +145,7 @@ TEST(Run, GivesTheSameForAnyNumberOfThreads) {
                                                     }));
     }
     std::string problem;
-    const auto flow = plan_flow(annotators, Names{}, Names{"rs.annotation.Shape"}, problem);
+    const auto flow = plan_flow(annotators, Names{}, wants({"rs.annotation.Shape"}), problem);
     ASSERT_TRUE(flow) << problem;
     Analysis one;
     run_flow(annotators, *flow, one, 1);
@@ -169,7 +175,7 @@ TEST(Run, IndependentBranchesRunAtOnce) {
   const Annotators annotators = list(Simple("objects", {"depth"}, {"rs.annotation.Shape"}, meet),
                                      Simple("people", {"depth"}, {"rs.annotation.Shape"}, meet));
   std::string problem;
-  const auto flow = plan_flow(annotators, Names{"depth"}, Names{"rs.annotation.Shape"}, problem);
+  const auto flow = plan_flow(annotators, Names{"depth"}, wants({"rs.annotation.Shape"}), problem);
   Analysis analysis;
   analysis.set("depth", 1);
   run_flow(annotators, *flow, analysis, 2);
@@ -187,7 +193,7 @@ TEST(Run, GoesOnWithoutTheResultOfOneThatThrows) {
   std::string problem;
   const auto flow =
       plan_flow(annotators, Names{"depth"},
-                Names{"rs.annotation.Shape", "rs.annotation.Geometry", "rs.annotation.SemanticColor"}, problem);
+                wants({"rs.annotation.Shape", "rs.annotation.Geometry", "rs.annotation.SemanticColor"}), problem);
   ASSERT_TRUE(flow) << problem;
   for (const std::uint32_t threads : {1U, 3U}) {
     Analysis analysis;
@@ -211,7 +217,7 @@ TEST(Run, ShowsNobodyMoreThanItDeclaresAndRefusesWhatItDoesNot) {
   };
   const Annotators annotators = list(Simple("peek", {"depth"}, {"forms"}, peek));
   std::string problem;
-  const auto flow = plan_flow(annotators, Names{"depth", "colour"}, Names{"forms"}, problem);
+  const auto flow = plan_flow(annotators, Names{"depth", "colour"}, wants({"forms"}), problem);
   Analysis analysis;
   analysis.set("depth", 1);
   analysis.set("colour", 1);
@@ -240,7 +246,12 @@ TEST(Request, AsksForTypesAndFiltersThings) {
   std::string problem;
   const auto request = parse_request(R"({"detect": {"shape": "Box", "color": ["red", "blue"]}})", problem);
   ASSERT_TRUE(request) << problem;
-  EXPECT_EQ(request->types(), (Names{"rs.annotation.Shape", "rs.annotation.SemanticColor"}));
+  const std::vector<Wanted> wanted = request->wanted();
+  ASSERT_EQ(wanted.size(), 2U);
+  EXPECT_EQ(wanted[0].name, "rs.annotation.Shape");
+  EXPECT_EQ(wanted[0].values, (Names{"box"}));
+  EXPECT_EQ(wanted[1].name, "rs.annotation.SemanticColor");
+  EXPECT_EQ(wanted[1].values, (Names{"red", "blue"}));
   Cluster cluster;
   cluster.annotations.push_back(Simple::make("rs.annotation.Shape", ""));
   cluster.annotations.back().fields = {{"shape", Value("box")}};
@@ -291,7 +302,8 @@ TEST(RequestKeys, AreReadFromAnIniFile) {
   EXPECT_EQ((*keys)[2].pointer, "/name");
   const auto request = parse_request(R"({"detect": {"form": "box"}})", problem, *keys);
   ASSERT_TRUE(request) << problem;
-  EXPECT_EQ(request->types(), (std::vector<std::string>{"rs.annotation.Shape"}));
+  ASSERT_EQ(request->wanted().size(), 1U);
+  EXPECT_EQ(request->wanted()[0].name, "rs.annotation.Shape");
   EXPECT_FALSE(parse_request(R"({"detect": {"shape": "box"}})", problem, *keys));
   EXPECT_NE(problem.find("form, kind"), std::string::npos) << problem;
   for (const char* text : {"", "[a]\nb=c\n", "[a]\nlocation=shape\n", "no section\n"}) {
