@@ -1,5 +1,7 @@
 // sherlog perceive: depth and colour frames to scenes, and answers to requests. Only where the RGB-D front end is
 // built.
+#include "cli/perceive.h"
+
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -11,11 +13,9 @@
 #include "cli/scenes.h"
 #include "cli/table.h"
 #include "mln/parser.h"
-#include "mln/text_file.h"
 #include "perception_bridge/observe.h"
 #include "perception_bridge/scene_tracker.h"
 #include "perception_bridge/shipped_models.h"
-#include "rgbd/pipeline/capabilities.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
 #include "rgbd/pipeline/recorder.h"
@@ -24,20 +24,6 @@
 namespace sherlog::cli {
 namespace {
 
-struct PerceiveArguments {
-  std::string frames, query, keys, store, prefix, map, known, evidence, record;
-  std::string mapping = "robosherlock";
-  std::vector<std::string> flow, annotators;
-  std::optional<std::uint64_t> every;
-  std::uint64_t most_people = rgbd::SegmentationOptions().most_means;
-  std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
-  bool times = false, replace = false, moving = false, labels = false, people = false, plan = false;
-
-  // Labels of people hold from frame to frame.
-  std::uint64_t step() const { return every.value_or(people ? 1 : 10); }
-  bool wants_things() const { return !query.empty() || !store.empty() || !evidence.empty(); }
-};
-
 // What has been found in all frames so far.
 struct PerceiveTally {
   std::uint64_t frames = 0, unreadable = 0, stored = 0, moving = 0, things = 0, answers = 0, people = 0, crowded = 0;
@@ -45,18 +31,6 @@ struct PerceiveTally {
   Json scenes = Json::array();
   std::string text, evidence;
 };
-
-template <class T>
-bool read_knowledge(Session& session, const char* option, const std::string& path,
-                    std::optional<T> (*parse)(std::string_view, std::string&), T& target) {
-  if (path.empty()) return true;
-  const TextFile file = load_text_file(path);
-  std::string problem = file.problem;
-  auto parsed = file.text ? parse(*file.text, problem) : std::nullopt;
-  if (!parsed) return session.error(fmt::format("{} '{}': {}", option, path, problem)), false;
-  target = std::move(*parsed);
-  return true;
-}
 
 // The frames that are asked for, one after the other, until something ends it. `visit` gets what could be read.
 template <class Visit>
@@ -85,69 +59,6 @@ Termination for_each_frame(Session& session, const PerceiveArguments& arguments,
     }
   }
   return Termination::kCompleted;
-}
-
-// The request, if there is one; false after saying what is wrong with it.
-bool read_request(Session& session, const PerceiveArguments& arguments, std::optional<rgbd::Request>& request) {
-  if (arguments.query.empty()) return true;
-  std::vector<rgbd::RequestKey> keys = rgbd::request_keys();
-  if (!arguments.keys.empty()) {
-    const TextFile file = load_text_file(arguments.keys);
-    std::string problem = file.problem;
-    auto parsed = file.text ? rgbd::parse_request_keys(*file.text, problem) : std::nullopt;
-    if (!parsed) return session.error(fmt::format("--keys '{}': {}", arguments.keys, problem)), false;
-    keys = std::move(*parsed);
-  }
-  std::string problem;
-  request = rgbd::parse_request(arguments.query, problem, keys);
-  if (!request) session.error(fmt::format("--query: {}", problem));
-  return request.has_value();
-}
-
-// Sherlog's own, or those of --annotators.
-std::optional<rgbd::Annotators> make_annotators(const PerceiveArguments& arguments, const rgbd::Knowledge& knowledge,
-                                                std::string& problem) {
-  if (!arguments.annotators.empty()) return rgbd::read_capabilities(arguments.annotators, problem);
-  rgbd::Annotators annotators = rgbd::object_annotators(knowledge);
-  if (arguments.people) {
-    for (auto& annotator : rgbd::people_annotators({.most_means = static_cast<std::size_t>(arguments.most_people)}))
-      annotators.push_back(std::move(annotator));
-  }
-  return annotators;
-}
-
-std::optional<rgbd::Perception> make_perception(Session& session, const PerceiveArguments& arguments,
-                                                const rgbd::Knowledge& knowledge, const std::string& name,
-                                                const std::optional<rgbd::Request>& request) {
-  rgbd::PerceptionOptions options;
-  options.threads = session.options().threads;
-  options.log_times = !arguments.store.empty();
-  options.prefix = arguments.prefix.empty() ? name + "-" : arguments.prefix;
-  std::string problem;
-  if (request) {
-    options.request = request;
-    const auto wanted = request->wanted();
-    if (std::ranges::count(wanted, "rs.annotation.Classification", &rgbd::Wanted::name) > 0 &&
-        knowledge.things.empty() && arguments.annotators.empty()) {
-      session.error("--query: which classes of things there may be is not known; --known FILE says it");
-      return std::nullopt;
-    }
-  }
-  // A store and evidence take all that can be found.
-  if (!arguments.store.empty() || !arguments.evidence.empty()) options.request = rgbd::Request{};
-  options.flow = arguments.flow;
-  if (options.flow.size() == 1 && std::filesystem::path(options.flow[0]).extension() == ".yaml") {
-    auto names = rgbd::read_analysis_engine(options.flow[0], problem);
-    if (!names) return session.error(problem), std::nullopt;
-    options.flow = std::move(*names);
-  }
-  if (arguments.people) options.also.emplace_back("sherlog.annotation.Person");
-  auto annotators = make_annotators(arguments, knowledge, problem);
-  if (!annotators) return session.error(problem), std::nullopt;
-  auto perception = rgbd::Perception::make(std::move(*annotators), std::move(options), problem);
-  if (!perception) return session.error(problem), std::nullopt;
-  for (const std::string& warning : perception->flow().warnings) session.warning(warning);
-  return perception;
 }
 
 void count_failures(Session& session, const rgbd::Perceived& perceived, std::uint64_t frame, PerceiveTally& tally) {
@@ -387,52 +298,11 @@ bool spares_recording(Session& session, const PerceiveArguments& arguments, cons
   return true;
 }
 
-bool read_all_knowledge(Session& session, const PerceiveArguments& arguments, rgbd::Knowledge& knowledge) {
-  return read_knowledge(session, "--map", arguments.map, rgbd::parse_map, knowledge.map) &&
-         read_knowledge(session, "--map", arguments.map, rgbd::parse_structure, knowledge.structure) &&
-         read_knowledge(session, "--known", arguments.known, rgbd::parse_known_things, knowledge.things);
-}
-
-// Who would run, in which order, and for what: no frame is looked at.
-int plan(Session& session, const PerceiveArguments& arguments) {
-  std::vector<std::string> inputs = {arguments.map, arguments.known, arguments.keys};
-  std::erase(inputs, "");
-  if (!session.check_options({}, inputs)) return kBadInput;
-  rgbd::Knowledge knowledge;
-  std::optional<rgbd::Request> request;
-  if (!read_all_knowledge(session, arguments, knowledge) || !read_request(session, arguments, request))
-    return kBadInput;
-  if (!request && !arguments.annotators.empty()) request = rgbd::Request{};
-  const auto perception = make_perception(session, arguments, knowledge, "plan", request);
-  if (!perception) return kBadInput;
-  const std::vector<std::string> names = perception->annotators();
-  Table table({{"", Align::kRight}, {"annotator", Align::kLeft}, {"reads", Align::kLeft}, {"writes", Align::kLeft}});
-  Json steps = Json::array();
-  for (std::size_t step = 0; step < names.size(); ++step) {
-    const rgbd::Annotator& annotator = perception->annotator(step);
-    table.add_row({std::to_string(step + 1), names[step], fmt::format("{}", fmt::join(annotator.reads(), " ")),
-                   fmt::format("{}", fmt::join(annotator.writes(), " "))});
-    Json after = Json::array();
-    for (const std::size_t before : perception->flow().after[step]) after.push_back(names[before]);
-    steps.push_back({{"annotator", names[step]},
-                     {"reads", annotator.reads()},
-                     {"writes", annotator.writes()},
-                     {"after", std::move(after)}});
-  }
-  return session.finish(kDone, table.text(), [&] {
-    return to_text(Json{{"schema", "sherlog.perceive/1"},
-                        {"termination", to_string(Termination::kCompleted)},
-                        {"annotators", names},
-                        {"plan", steps}});
-  });
-}
-
 int perceive(Session& session, const PerceiveArguments& arguments) {
-  if (arguments.plan) return plan(session, arguments);
-  std::vector<std::string> outputs,
-      inputs = {arguments.map, arguments.known, arguments.keys, arguments.mapping, arguments.store};
+  if (arguments.plan) return plan_perception(session, arguments);
+  std::vector<std::string> outputs, inputs = {arguments.mapping, arguments.store};
+  if (!add_inputs(session, arguments, inputs)) return kBadInput;
   if (!arguments.evidence.empty()) outputs.push_back(arguments.evidence);
-  std::erase(inputs, "");
   if (!session.check_options(outputs, inputs)) return kBadInput;
   if (session.wants_json()) outputs.push_back(session.options().json);
   if (!spares_recording(session, arguments, outputs)) return kBadInput;
@@ -452,7 +322,7 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   }
   if (source->unpaired > 0) session.warning(fmt::format("{} depth images have no colour image", source->unpaired));
   if (!arguments.record.empty()) return record_frames(session, arguments, *source);
-  if (!read_all_knowledge(session, arguments, source->knowledge)) return kBadInput;
+  if (!read_knowledge(session, arguments, source->knowledge)) return kBadInput;
   std::optional<rgbd::Request> request;
   if (!read_request(session, arguments, request)) return kBadInput;
   auto perception = make_perception(session, arguments, source->knowledge, source->name, request);
@@ -533,9 +403,10 @@ void add_perceive(CLI::App& app, Action& action) {
       ->needs(people);
   CLI::Option* labels =
       command->add_flag("--labels", arguments->labels, "Of synthetic frames: which object each thing is, for training");
-  command
-      ->add_option("--prefix", arguments->prefix, "Scenes are called so and by number (default: the recording's name)")
-      ->type_name("TEXT");
+  CLI::Option* prefix = command
+                            ->add_option("--prefix", arguments->prefix,
+                                         "Scenes are called so and by number (default: the recording's name)")
+                            ->type_name("TEXT");
   CLI::Option* evidence =
       command->add_option("--evidence", arguments->evidence, "Each frame's evidence for a model, --- between frames")
           ->type_name("FILE|-");
@@ -544,33 +415,45 @@ void add_perceive(CLI::App& app, Action& action) {
                    "What becomes evidence: a shipped mapping or a JSON file (default robosherlock)")
       ->type_name("NAME|FILE")
       ->needs(evidence);
-  command->add_option("--map", arguments->map, "Names of tables and counters: JSON")->type_name("FILE");
-  command->add_option("--known", arguments->known, "Things that there may be, for their classes: JSON")
-      ->type_name("FILE");
-  command->add_option("--every", arguments->every, "Take every Nth frame (default 10; with --people 1)")
-      ->type_name("N")
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}).description(""));
-  command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
-  command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
+  CLI::Option* map =
+      command->add_option("--map", arguments->map, "Names of tables and counters: JSON")->type_name("FILE");
+  CLI::Option* known =
+      command->add_option("--known", arguments->known, "Things that there may be, for their classes: JSON")
+          ->type_name("FILE");
+  CLI::Option* every =
+      command->add_option("--every", arguments->every, "Take every Nth frame (default 10; with --people 1)")
+          ->type_name("N")
+          ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}).description(""));
+  CLI::Option* first =
+      command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
+  CLI::Option* last =
+      command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
   command
       ->add_option("--flow", arguments->flow,
                    "These annotators in this order, whatever is asked for; or the fixed flow of an analysis engine")
       ->type_name("NAME,..|FILE.yaml")
+      ->allow_extra_args(false)
       ->delimiter(',');
-  command->add_flag("--times", arguments->times, "How long each annotator took: mean and standard deviation");
+  CLI::Option* times =
+      command->add_flag("--times", arguments->times, "How long each annotator took: mean and standard deviation");
   CLI::Option* record =
       command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")
           ->type_name("FOLDER");
   for (CLI::Option* other : {query, store, evidence, labels, people}) record->excludes(other);
   CLI::Option* plan =
       command->add_flag("--plan", arguments->plan, "Only say which annotators would run, and in which order");
-  command
-      ->add_option("--annotators", arguments->annotators,
-                   "Plan with these instead: RoboSherlock's .yaml files of annotators, and folders of them")
-      ->type_name("PATH,..")
-      ->delimiter(',')
-      ->needs(plan);
-  for (CLI::Option* other : {frames, store, evidence, labels, record}) plan->excludes(other);
+  for (CLI::Option* other : {frames, store, evidence, labels, record, every, first, last, prefix, times}) {
+    plan->excludes(other);
+  }
+  CLI::Option* annotators =
+      command
+          ->add_option("--annotators", arguments->annotators,
+                       "Plan with these instead: RoboSherlock's .yaml files of annotators, and folders of them")
+          ->type_name("PATH,..")
+          ->allow_extra_args(false)
+          ->delimiter(',')
+          ->needs(plan);
+  for (CLI::Option* other : {map, known, people}) annotators->excludes(other);
   add_common_options(*command, *options);
   command->callback([options, arguments, &action] {
     if (arguments->frames.empty() && !arguments->plan) throw CLI::RequiredError("FRAMES");

@@ -42,8 +42,9 @@ std::optional<std::vector<Line>> read_lines(const fs::path& file, std::string& p
   std::string text;
   for (std::size_t number = 1; std::getline(in, text); ++number) {
     if (!is_plain_text(text)) {
-      problem =
-          at_line(file, {number, {}}, fmt::format("a line of text was expected, of at most {} bytes", kLongestLine));
+      problem = at_line(file, {number, {}},
+                        fmt::format("a line of UTF-8 text without control characters was expected, of at most {} bytes",
+                                    kLongestLine));
       return std::nullopt;
     }
     std::istringstream words(text);

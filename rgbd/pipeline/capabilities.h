@@ -11,7 +11,8 @@
 //           Everything else, such as parameters, is the annotator's own business. An analysis engine is a file with a
 //           list `fixedflow` of names.
 // Source    RoboSherlock's descriptors/annotators and descriptors/analysis_engines
-// Errors    a sentence with file, line and column: what is no YAML or of another form; a name that is there twice
+// Errors    a sentence, with file, line and column where there are some: what is no YAML or of another form; several
+//           documents; a key or a name that is there twice. Warnings: keys of `capabilities` that mean nothing here
 #pragma once
 
 #include <optional>
@@ -23,9 +24,12 @@
 
 namespace sherlog::rgbd {
 
-// Of files, and of all .yaml and .yml files below folders in the order of their names, but for analysis engines. They can be
-// planned with; process() throws.
-std::optional<Annotators> read_capabilities(std::span<const std::string> paths, std::string& problem);
+// These files, and all .yaml and .yml files below folders in the order of their paths (below linked folders none); each once.
+std::optional<std::vector<std::string>> find_capability_files(std::span<const std::string> paths, std::string& problem);
+
+// Of these files, but for analysis engines. They can be planned with; process() throws.
+std::optional<Annotators> read_capabilities(std::span<const std::string> files, std::vector<std::string>& warnings,
+                                            std::string& problem);
 
 // The names in an analysis engine's fixed flow.
 std::optional<std::vector<std::string>> read_analysis_engine(const std::string& file, std::string& problem);

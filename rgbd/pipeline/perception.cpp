@@ -46,9 +46,9 @@ std::string mismatch(const Frame& frame, const Calibration& calibration) {
 
 std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOptions& options) {
   std::vector<Wanted> wanted;
-  for (const std::string& name : options.also) wanted.push_back({name});
+  for (const std::string& name : options.also) wanted.push_back({{name}});
   if (!options.request) {
-    if (wanted.empty()) wanted.push_back({"foreground"});
+    if (wanted.empty()) wanted.push_back({{"foreground"}});
     return wanted;
   }
   std::vector<std::string> all;
@@ -59,11 +59,11 @@ std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOpti
   }
   // Where it is belongs to every answer.
   for (const char* name : {"rs.scene.ImageROI", "rs.annotation.PoseAnnotation"}) {
-    if (std::ranges::find(all, name) != all.end()) wanted.push_back({name});
+    if (std::ranges::find(all, name) != all.end()) wanted.push_back({{name}});
   }
   for (Wanted& condition : options.request->wanted()) wanted.push_back(std::move(condition));
   if (options.request->wants_everything()) {
-    for (std::string& name : all) wanted.push_back({std::move(name)});
+    for (std::string& name : all) wanted.push_back({{std::move(name)}});
   }
   return wanted;
 }
@@ -72,8 +72,9 @@ std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOpti
 
 std::optional<Perception> Perception::make(Annotators annotators, PerceptionOptions options, std::string& problem) {
   const std::vector<Wanted> wanted = wanted_of(annotators, options);
+  const std::vector<Wanted> conditions = options.request ? options.request->wanted() : std::vector<Wanted>();
   auto flow = options.flow.empty() ? plan_flow(annotators, frame_views(), wanted, problem)
-                                   : fixed_flow(annotators, frame_views(), options.flow, problem);
+                                   : fixed_flow(annotators, frame_views(), options.flow, conditions, problem);
   if (!flow) return std::nullopt;
   return Perception(std::move(annotators), std::move(*flow), std::move(options));
 }

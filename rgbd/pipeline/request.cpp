@@ -112,11 +112,9 @@ std::optional<std::vector<RequestKey>> parse_request_keys(const std::string& tex
 std::vector<Wanted> Request::wanted() const {
   std::vector<Wanted> wanted;
   for (const Condition& condition : conditions) {
-    // Of alternatives, one may say what the other cannot.
-    const bool has_alternatives = std::ranges::count(keys, condition.key, &RequestKey::key) > 1;
+    wanted.push_back({{}, condition.values});
     for (const RequestKey& known : keys) {
-      if (known.key != condition.key) continue;
-      wanted.push_back({known.type, has_alternatives ? std::vector<std::string>() : condition.values});
+      if (known.key == condition.key) wanted.back().names.push_back(known.type);
     }
   }
   return wanted;

@@ -42,7 +42,7 @@ struct Request {
 
   // Following a thing takes all of its looks.
   bool wants_everything() const { return conditions.empty() || verb != Verb::kDetect; }
-  // Types of annotations that are needed for an answer, with the values asked for.
+  // Of each condition the types of annotations, one of which is needed for an answer, and the values asked for.
   std::vector<Wanted> wanted() const;
   bool accepts(const Cluster& cluster) const;
 };

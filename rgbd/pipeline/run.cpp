@@ -9,8 +9,6 @@
 #include <mutex>
 #include <thread>
 
-#include "perception_bridge/annotation_types.h"
-
 namespace sherlog::rgbd {
 namespace {
 
@@ -63,7 +61,8 @@ class FlowRun {
   std::optional<std::size_t> next() const {
     for (std::size_t i = 0; i < states_.size(); ++i) {
       if (states_[i] != kWaits) continue;
-      if (std::ranges::all_of(flow_.after[i], [&](std::size_t j) { return states_[j] == kEnded; })) return i;
+      const auto has_ended = [&](const Flow::Input& input) { return states_[input.from] == kEnded; };
+      if (std::ranges::all_of(flow_.inputs[i], has_ended)) return i;
     }
     return std::nullopt;
   }
@@ -73,14 +72,11 @@ class FlowRun {
     for (const std::string& name : annotators_[flow_.order[i]]->reads()) {
       bool is_there = given_.has(name);
       std::string who;
-      for (const std::size_t j : flow_.after[i]) {
-        const auto writes = annotators_[flow_.order[j]]->writes();
-        const bool is_writer = std::ranges::any_of(writes, [&](const std::string& written) {
-          return is_type_name(name) ? is_annotation_of(written, name) : written == name;
-        });
-        if (!is_writer) continue;
-        is_there = is_there || (runs_[j].problem.empty() && (is_type_name(name) || additions_[j].has(name)));
-        who = runs_[j].annotator;
+      for (const Flow::Input& input : flow_.inputs[i]) {
+        if (std::ranges::find(input.names, name) == input.names.end()) continue;
+        const AnnotatorRun& writer = runs_[input.from];
+        is_there = is_there || (writer.problem.empty() && (is_type_name(name) || additions_[input.from].has(name)));
+        who = writer.annotator;
       }
       if (!is_there) return fmt::format("'{}' is missing, which '{}' should have written", name, who);
     }
@@ -88,9 +84,8 @@ class FlowRun {
   }
 
   Analysis input(std::size_t i) const {
-    const auto reads = annotators_[flow_.order[i]]->reads();
-    Analysis in = given_.part(reads);
-    for (const std::size_t j : flow_.after[i]) in.merge(additions_[j].part(reads));
+    Analysis in = given_.part(annotators_[flow_.order[i]]->reads());
+    for (const Flow::Input& input : flow_.inputs[i]) in.merge(additions_[input.from].part(input.names));
     return in;
   }
 

@@ -93,7 +93,7 @@ TEST_F(Perceive, PlansWithoutFrames) {
   const Json steps = Json::parse(own.out)["plan"];
   ASSERT_FALSE(steps.empty());
   EXPECT_EQ(steps.back()["annotator"], "Cluster3DGeometryAnnotator");
-  EXPECT_FALSE(steps.back()["after"].empty());
+  EXPECT_EQ(steps.back()["from"][0]["names"], Json({"tables"}));
   const Outcome unknown = scratch.sherlog("perceive --plan --query '{\"detect\": {\"shape\": \"pyramid\"}}'");
   EXPECT_EQ(unknown.code, 0);
   EXPECT_THAT(unknown.err, HasSubstr("box, cylinder, flat, round"));

@@ -127,7 +127,7 @@ TEST(Analysis, LosesNothingOfTwoAnnotatorsThatRunAtOnce) {
   annotators.push_back(std::make_unique<ManyHands>(objects, 0, kEach));
   annotators.push_back(std::make_unique<ManyHands>(people, ManyHands::kThreads, kEach));
   std::string problem;
-  const auto flow = plan_flow(annotators, Names{"depth"}, std::vector<Wanted>{{objects}, {people}}, problem);
+  const auto flow = plan_flow(annotators, Names{"depth"}, std::vector<Wanted>{{{objects}}, {{people}}}, problem);
   ASSERT_TRUE(flow) << problem;
   Analysis analysis;
   analysis.set("depth", 1);

@@ -4,7 +4,10 @@
 
 #include <filesystem>
 #include <fstream>
+#include <random>
+#include <set>
 
+#include "rgbd/pipeline/declared.h"
 #include "rgbd/pipeline/perception.h"
 #include "rgbd/pipeline/request.h"
 
@@ -54,7 +57,10 @@ class Capabilities : public testing::Test {
     write("Writer.yaml", "annotator:\n  name: Writer\ncapabilities:\n");
     write("engines/demo.yaml", "ae:\n  name: demo\nfixedflow:\n  - CollectionReader\n  - Clouds\n#  - Filter\n");
   }
-  std::optional<Annotators> read() { return read_capabilities(Names{folder_.string()}, problem_); }
+  std::optional<Annotators> read() {
+    const auto files = find_capability_files(Names{folder_.string()}, problem_);
+    return files ? read_capabilities(*files, warnings_, problem_) : std::nullopt;
+  }
   std::optional<Perception> plan(const std::string& query) {
     auto annotators = read();
     if (!annotators) return std::nullopt;
@@ -65,6 +71,7 @@ class Capabilities : public testing::Test {
 
   fs::path folder_;
   std::string problem_;
+  Names warnings_;
 };
 
 TEST_F(Capabilities, OfWhoCanSayWhatIsAskedForAreInThePlan) {
@@ -96,8 +103,8 @@ TEST_F(Capabilities, WithoutTheValueAreNamedWithWhatThereIs) {
   ASSERT_TRUE(flow) << problem_;
   EXPECT_EQ(flow->annotators().back(), "Sizes");
   EXPECT_EQ(flow->flow().warnings,
-            (Names{"nobody finds the rs.annotation.SemanticSize 'tiny', which the request needs: "
-                   "there are large, small"}));
+            (Names{"nobody finds the rs.annotation.SemanticSize 'tiny', which the request needs; "
+                   "what can be found: large, small"}));
 }
 
 TEST_F(Capabilities, OfAllAreInThePlanForEverything) {
@@ -125,9 +132,9 @@ TEST_F(Capabilities, InAFixedFlowNeedOneCloudBefore) {
   auto annotators = read();
   ASSERT_TRUE(annotators) << problem_;
   EXPECT_TRUE(fixed_flow(*annotators, Names{}, Names{"CollectionReader", "Clouds", "OtherFilter", "Planes", "Filter"},
-                         problem_))
+                         {}, problem_))
       << problem_;
-  EXPECT_FALSE(fixed_flow(*annotators, Names{}, Names{"CollectionReader", "Clouds", "Planes", "Filter"}, problem_));
+  EXPECT_FALSE(fixed_flow(*annotators, Names{}, Names{"CollectionReader", "Clouds", "Planes", "Filter"}, {}, problem_));
   EXPECT_NE(problem_.find("'Planes' runs before 'Filter'"), std::string::npos) << problem_;
   const auto names = read_analysis_engine((folder_ / "engines/demo.yaml").string(), problem_);
   ASSERT_TRUE(names) << problem_;
@@ -142,12 +149,140 @@ TEST_F(Capabilities, InACircleAreNamed) {
 }
 
 // V comes from its first writer; the second one, in the flow for what else it writes, needs what the reader of V makes.
-TEST_F(Capabilities, InACircleThroughTheOtherWriterOfACloudAreNamed) {
+TEST_F(Capabilities, ReadOneWriterOfACloudThoughAnotherOneRunsLater) {
   describe("a", "[]", "[rs.pcl.V]");
   describe("b", "[rs.pcl.W]", "[rs.pcl.V, rs.annotation.Shape]");
   describe("r", "[rs.pcl.V]", "[rs.pcl.W]");
+  const auto flow = plan(R"({"detect": {"shape": "box"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"a", "r", "b"}));
+}
+
+// The first writer of V by name would need its reader.
+TEST_F(Capabilities, TakeTheWriterOfACloudThatMakesNoCircle) {
+  describe("a", "[rs.pcl.W]", "[rs.pcl.V]");
+  describe("b", "[]", "[rs.pcl.V]");
+  describe("r", "[rs.pcl.V]", "[rs.pcl.W]");
+  describe("s", "[rs.pcl.W]", "[rs.annotation.Shape]");
+  const auto flow = plan(R"({"detect": {"shape": "box"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"b", "r", "s"}));
+}
+
+TEST_F(Capabilities, ThatChangeWhatOneWroteRunOneAfterTheOther) {
+  describe("filter1", "[rs.scene.C]", "[rs.scene.C]");
+  describe("filter2", "[rs.scene.C]", "[rs.scene.C]");
+  describe("maker", "[]", "[rs.scene.C]");
+  describe("aaa", "[rs.scene.C]", "[rs.annotation.Shape]");
+  const auto flow = plan(R"({"detect": {"shape": "box"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"maker", "filter1", "filter2", "aaa"}));
+  EXPECT_EQ(flow->flow().inputs[1].size(), 1U);
+  EXPECT_EQ(flow->flow().inputs[2].size(), 2U);
+  EXPECT_EQ(flow->flow().inputs[3].size(), 3U);
+}
+
+TEST_F(Capabilities, WaitForValuesAndNotForTypes) {
+  describe("maker", "[]", "\n    - rs.annotation.Features: [BVLC]");
+  describe("knn", "\n    - rs.annotation.Features: [BVLC]", "[rs.annotation.Classification]");
+  describe("late", "[rs.annotation.Classification]", "\n    - rs.annotation.Features: [OTHER]");
+  const auto flow = plan(R"({"detect": {}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"maker", "knn", "late"}));
+  auto annotators = read();
+  EXPECT_TRUE(fixed_flow(*annotators, Names{}, Names{"maker", "knn", "late"}, {}, problem_)) << problem_;
+}
+
+TEST_F(Capabilities, ThatCannotRunAreLeftOutWhereOthersDo) {
+  describe("a", "[rs.pcl.Nothing]", "[rs.pcl.V, rs.annotation.Shape]");
+  describe("b", "[]", "[rs.pcl.V]");
+  describe("s", "[rs.pcl.V]", "[rs.annotation.Shape]");
+  const auto flow = plan(R"({"detect": {"shape": "box"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"b", "s"}));
+  EXPECT_EQ(flow->flow().warnings, Names{"'a' is left out: nobody writes 'rs.pcl.Nothing', which 'a' needs"});
+  fs::remove(folder_ / "s.yaml");
   EXPECT_FALSE(plan(R"({"detect": {"shape": "box"}})"));
-  EXPECT_NE(problem_.find("circle among b, r"), std::string::npos) << problem_;
+  EXPECT_EQ(problem_, "nobody writes 'rs.pcl.Nothing', which 'a' needs");
+}
+
+TEST_F(Capabilities, InAFixedFlowAreHeldAgainstWhatIsAsked) {
+  describe_a_robot();
+  auto annotators = read();
+  ASSERT_TRUE(annotators) << problem_;
+  const Wanted bottle{{"rs.annotation.Shape"}, {"bottle"}}, colour{{"rs.annotation.SemanticColor"}};
+  const Names order = {"CollectionReader", "Clouds", "Filter", "Planes", "Clusters", "Merger", "Primitives", "Labels"};
+  const auto flow = fixed_flow(*annotators, Names{}, order, std::vector{bottle, colour}, problem_);
+  ASSERT_TRUE(flow) << problem_;
+  ASSERT_EQ(flow->warnings.size(), 3U);
+  EXPECT_NE(flow->warnings[0].find("'bottle', which 'Labels' needs"), std::string::npos) << flow->warnings[0];
+  EXPECT_NE(flow->warnings[1].find("'bottle', which the request needs"), std::string::npos) << flow->warnings[1];
+  EXPECT_NE(flow->warnings[2].find("nobody writes 'rs.annotation.SemanticColor'"), std::string::npos);
+}
+
+// Against what the words say: everything that runs has what it needs from before, and who is not there could not run or
+// is not needed.
+TEST_F(Capabilities, AtRandomMakePlansThatHold) {
+  std::mt19937_64 random(4);
+  std::size_t planned = 0;
+  for (int round = 0; round < 3000; ++round) {
+    class Random : public Declared {
+     public:
+      Random(std::string name, Names reads, Names writes, double cost)
+          : Declared(std::move(name), std::move(reads), std::move(writes), cost) {}
+      void process(const Analysis& /*in*/, Analysis& /*out*/) override {}
+    };
+    const Names names = {"a", "b", "c", "d", "rs.annotation.Shape", "rs.annotation.Pose", "rs.annotation.Features"};
+    const auto some = [&](std::size_t most) {
+      Names result;
+      for (std::size_t i = random() % (most + 1); i > 0; --i) result.push_back(names[random() % names.size()]);
+      return result;
+    };
+    Annotators annotators;
+    for (std::size_t i = random() % 8 + 1; i > 0; --i) {
+      annotators.push_back(
+          std::make_unique<Random>("n" + std::to_string(i), some(2), some(2), static_cast<double>(random() % 3)));
+    }
+    const std::string wanted = names[random() % names.size()];
+    // Who can run: what is given and written by those who can, until nothing is new.
+    std::set<std::size_t> able;
+    const auto writer_of = [&](const std::string& name, std::size_t reader, const std::set<std::size_t>& among) {
+      return std::ranges::any_of(among, [&](std::size_t i) { return i != reader && provides(*annotators[i], name); });
+    };
+    for (bool is_new = true; is_new;) {
+      is_new = false;
+      for (std::size_t i = 0; i < annotators.size(); ++i) {
+        const Names reads = annotators[i]->reads();
+        const bool can = std::ranges::all_of(
+            reads, [&](const std::string& name) { return name == "a" || writer_of(name, i, able); });
+        if (can && able.insert(i).second) is_new = true;
+      }
+    }
+    const bool is_possible = wanted == "a" || writer_of(wanted, annotators.size(), able);
+    const auto flow = plan_flow(annotators, Names{"a"}, std::vector<Wanted>{{{wanted}}}, problem_);
+    ASSERT_EQ(flow.has_value(), is_possible) << round << ": " << problem_;
+    if (!flow) continue;
+    ++planned;
+    for (std::size_t step = 0; step < flow->order.size(); ++step) {
+      ASSERT_TRUE(able.contains(flow->order[step])) << round;
+      for (const std::string& name : annotators[flow->order[step]]->reads()) {
+        std::size_t sources = 0;
+        for (const Flow::Input& input : flow->inputs[step]) {
+          ASSERT_LT(input.from, step) << round;
+          if (std::ranges::count(input.names, name) == 0) continue;
+          EXPECT_TRUE(provides(*annotators[flow->order[input.from]], name)) << round;
+          ++sources;
+        }
+        EXPECT_TRUE(name == "a" ? sources == 0 : sources > 0) << round;
+        EXPECT_TRUE(is_type_name(name) || sources <= 1) << round;
+      }
+    }
+    for (const std::size_t i : able) {
+      if (wanted == "a" || !is_type_name(wanted) || !provides(*annotators[i], wanted)) continue;
+      EXPECT_EQ(std::ranges::count(flow->order, i), 1) << round << ": an opinion is missing";
+    }
+  }
+  EXPECT_GT(planned, 1000U);
 }
 
 TEST_F(Capabilities, ThatAreWrongAreRefusedWithTheirPlace) {
@@ -167,6 +302,10 @@ TEST_F(Capabilities, ThatAreWrongAreRefusedWithTheirPlace) {
       {"annotator: {name: A}\ncapabilities:\n  inputs: [[x]]\n", "a.yaml:3:12: a type's name"},
       {"annotator: {name: A}\ncapabilities:\n  outputs:\n    - x: {y: z}\n", "a.yaml:4:10: a list was expected"},
       {"annotator: {name: A}\ncapabilities:\n  outputs: [x: [[1]]]\n", "a value was expected"},
+      {"annotator: {name: A}\n---\nannotator: {name: B}\n", "a.yaml:3:1: a second document"},
+      {"annotator: {name: A}\ncapabilities: {inputs: [], inputs: [x]}\n", "a.yaml:2:28: 'inputs' is there twice"},
+      {"annotator: {name: A, name: B}\n", "a.yaml:1:22: 'name' is there twice"},
+      {"annotator: {name: \"A\\eB\"}\n", "a.yaml:1:19: the annotator's name was expected"},
   };
   for (const auto& [text, expected] : kCases) {
     write("a.yaml", text);
@@ -176,13 +315,21 @@ TEST_F(Capabilities, ThatAreWrongAreRefusedWithTheirPlace) {
   }
   write("a.yaml", std::string(20000, '['));
   EXPECT_FALSE(read());
+  EXPECT_NE(problem_.find("nested too deeply"), std::string::npos) << problem_;
+  write("a.yaml", "annotator: {name: A}\ncapabilities:\n  output: [x]\n");
+  EXPECT_TRUE(read()) << problem_;
+  ASSERT_EQ(warnings_.size(), 1U);
+  EXPECT_NE(warnings_[0].find("a.yaml:3:3: 'output' is none of"), std::string::npos) << warnings_[0];
   write("a.yaml", "annotator: {name: A}\n");
   write("b.yaml", "annotator: {name: A}\n");
   EXPECT_FALSE(read());
   EXPECT_NE(problem_.find("the annotator 'A' is in "), std::string::npos) << problem_;
-  EXPECT_FALSE(read_capabilities(Names{(folder_ / "none").string()}, problem_));
+  EXPECT_FALSE(read_capabilities(Names{(folder_ / "none").string()}, warnings_, problem_));
+  EXPECT_FALSE(read_capabilities(Names{folder_.string()}, warnings_, problem_));
   fs::create_directories(folder_ / "empty");
-  EXPECT_FALSE(read_capabilities(Names{(folder_ / "empty").string()}, problem_));
+  EXPECT_FALSE(find_capability_files(Names{(folder_ / "empty").string()}, problem_));
+  const std::string a = (folder_ / "a.yaml").string();
+  EXPECT_EQ(find_capability_files(Names{a, a, folder_.string() + "/./a.yaml"}, problem_), Names{a});
   EXPECT_FALSE(read_analysis_engine(write("e.yaml", "fixedflow: []\n"), problem_));
   EXPECT_FALSE(read_analysis_engine(write("e.yaml", "ae: {name: x}\n"), problem_));
 }

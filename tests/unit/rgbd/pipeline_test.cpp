@@ -19,7 +19,7 @@ using Names = std::vector<std::string>;
 
 std::vector<Wanted> wants(const Names& names) {
   std::vector<Wanted> wanted;
-  for (const std::string& name : names) wanted.push_back({name});
+  for (const std::string& name : names) wanted.push_back({{name}});
   return wanted;
 }
 
@@ -104,7 +104,7 @@ TEST(Plan, NamesTheMembersOfACircle) {
   std::string problem;
   EXPECT_FALSE(plan_flow(annotators, Names{"depth"}, wants({"x"}), problem));
   EXPECT_NE(problem.find("a -> b -> a"), std::string::npos) << problem;
-  EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"a", "b"}, problem));
+  EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"a", "b"}, {}, problem));
   EXPECT_NE(problem.find("'a' runs before 'b'"), std::string::npos) << problem;
 }
 
@@ -113,9 +113,9 @@ TEST(Plan, NamesWhatNobodyWritesAndWhoNeedsIt) {
   std::string problem;
   EXPECT_FALSE(plan_flow(annotators, Names{"depth"}, wants({"x"}), problem));
   EXPECT_NE(problem.find("'rs.annotation.Barcode', which 'a' needs"), std::string::npos) << problem;
-  EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"a"}, problem));
+  EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"a"}, {}, problem));
   EXPECT_NE(problem.find("'rs.annotation.Barcode'"), std::string::npos) << problem;
-  EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"nobody"}, problem));
+  EXPECT_FALSE(fixed_flow(annotators, Names{"depth"}, Names{"nobody"}, {}, problem));
   EXPECT_NE(problem.find("no annotator 'nobody'"), std::string::npos) << problem;
 }
 
@@ -248,9 +248,9 @@ TEST(Request, AsksForTypesAndFiltersThings) {
   ASSERT_TRUE(request) << problem;
   const std::vector<Wanted> wanted = request->wanted();
   ASSERT_EQ(wanted.size(), 2U);
-  EXPECT_EQ(wanted[0].name, "rs.annotation.Shape");
+  EXPECT_EQ(wanted[0].names, Names{"rs.annotation.Shape"});
   EXPECT_EQ(wanted[0].values, (Names{"box"}));
-  EXPECT_EQ(wanted[1].name, "rs.annotation.SemanticColor");
+  EXPECT_EQ(wanted[1].names, Names{"rs.annotation.SemanticColor"});
   EXPECT_EQ(wanted[1].values, (Names{"red", "blue"}));
   Cluster cluster;
   cluster.annotations.push_back(Simple::make("rs.annotation.Shape", ""));
@@ -303,7 +303,7 @@ TEST(RequestKeys, AreReadFromAnIniFile) {
   const auto request = parse_request(R"({"detect": {"form": "box"}})", problem, *keys);
   ASSERT_TRUE(request) << problem;
   ASSERT_EQ(request->wanted().size(), 1U);
-  EXPECT_EQ(request->wanted()[0].name, "rs.annotation.Shape");
+  EXPECT_EQ(request->wanted()[0].names, Names{"rs.annotation.Shape"});
   EXPECT_FALSE(parse_request(R"({"detect": {"shape": "box"}})", problem, *keys));
   EXPECT_NE(problem.find("form, kind"), std::string::npos) << problem;
   for (const char* text : {"", "[a]\nb=c\n", "[a]\nlocation=shape\n", "no section\n"}) {
