@@ -74,7 +74,10 @@ class Finder {
         calibration_(calibration),
         options_(options),
         lab_(lab),
-        elsewhere_(elsewhere | behind_walls(points, table)) {
+        elsewhere_(elsewhere | behind_walls(points, table)),
+        eye_(table.pose.inverse(Eigen::Isometry).translation()),
+        turn_(table.pose.linear().transpose()),
+        depth_row_(table.pose.matrix().row(2)) {
     result_.reaching_mask = MaskImage(points.size(), std::uint8_t{0});
     taken_ = MaskImage(points.size(), std::uint8_t{0});
   }
@@ -98,7 +101,7 @@ class Finder {
   // Along the optical axis.
   double range(const cv::Point& p) const {
     const cv::Vec3f& q = points_(p);
-    return (table_.pose * Eigen::Vector3d(q[0], q[1], q[2])).z();
+    return depth_row_.dot(Eigen::Vector4d(q[0], q[1], q[2], 1));
   }
   bool stands_out(const cv::Point& p) const {
     const float height = points_(p)[2];
@@ -120,11 +123,12 @@ class Finder {
     for (int y = 0; y < size.height; ++y) {
       for (int x = 0; x < size.width; ++x) {
         if (out(y, x) == 0) continue;
-        const double most = options_.gap + 2 * error_at({x, y});
+        const double most = options_.gap + 2 * error_at({x, y}), most_squared = most * most;
         for (const cv::Point& step : kSteps) {
           const cv::Point other = cv::Point(x, y) + step;
           if (other.x < 0 || other.y < 0 || other.x >= size.width || out(other) == 0) continue;
-          if (cv::norm(points_(y, x) - points_(other)) < most) sets.join(number({x, y}), number(other));
+          const cv::Vec3f between = points_(y, x) - points_(other);
+          if (static_cast<double>(between.dot(between)) < most_squared) sets.join(number({x, y}), number(other));
         }
       }
     }
@@ -314,10 +318,9 @@ class Finder {
 
   // Where the pixel's ray meets the table.
   std::optional<Eigen::Vector3f> on_surface(const cv::Point& p) const {
-    const Eigen::Isometry3d to_table = table_.pose.inverse();
-    const Eigen::Vector3d eye = to_table.translation(), ray = to_table.linear() * calibration_.point(p.x, p.y, 1);
+    const Eigen::Vector3d ray = turn_ * calibration_.point(p.x, p.y, 1);
     if (ray.z() > -0.05) return std::nullopt;
-    return (eye - ray * (eye.z() / ray.z())).cast<float>();
+    return (eye_ - ray * (eye_.z() / ray.z())).cast<float>();
   }
 
   MaskImage open_surface() const {
@@ -427,6 +430,9 @@ class Finder {
   const HypothesisOptions& options_;
   const cv::Mat3f& lab_;
   MaskImage elsewhere_;
+  Eigen::Vector3d eye_;  // the camera, in the table's frame
+  Eigen::Matrix3d turn_;
+  Eigen::RowVector4d depth_row_;
   MaskImage taken_;
   std::vector<Pixels> low_;
   Hypotheses result_;

@@ -8,8 +8,6 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
-#include "rgbd/depth/disparity.h"
-
 namespace sherlog::rgbd {
 namespace {
 
@@ -47,16 +45,43 @@ Plane oriented(const Vector3d& normal, const Vector3d& point) {
   return plane;
 }
 
-std::size_t votes(const Plane& plane, const std::vector<Sample>& samples) {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(samples, [&](const Sample& s) { return std::abs(plane.height(s.point)) < s.tolerance; }));
-}
+// A plane for loops over many points.
+struct QuickPlane {
+  explicit QuickPlane(const Plane& plane)
+      : x(static_cast<float>(plane.normal.x())),
+        y(static_cast<float>(plane.normal.y())),
+        z(static_cast<float>(plane.normal.z())),
+        offset(static_cast<float>(plane.offset)) {}
+  float height(float px, float py, float pz) const { return x * px + y * py + z * pz + offset; }
+  float x, y, z, offset;
+};
 
-// Within a third of the tolerance, an error of depth.
-std::size_t close_votes(const Plane& plane, const std::vector<Sample>& samples) {
-  return static_cast<std::size_t>(std::ranges::count_if(
-      samples, [&](const Sample& s) { return std::abs(plane.height(s.point)) < s.tolerance / 3; }));
-}
+// Every so manieth sample; by coordinate, so that counting is quick.
+class Voters {
+ public:
+  explicit Voters(const std::vector<Sample>& samples) {
+    constexpr std::size_t kVoters = 4000;
+    const std::size_t step = std::max<std::size_t>(1, samples.size() / kVoters);
+    for (std::size_t i = 0; i < samples.size(); i += step) {
+      x_.push_back(static_cast<float>(samples[i].point.x()));
+      y_.push_back(static_cast<float>(samples[i].point.y()));
+      z_.push_back(static_cast<float>(samples[i].point.z()));
+      tolerance_.push_back(static_cast<float>(samples[i].tolerance));
+    }
+  }
+  // Those within a share of their tolerance.
+  int votes(const Plane& plane, float share = 1) const {
+    const QuickPlane quick(plane);
+    int count = 0;
+    for (std::size_t i = 0; i < x_.size(); ++i) {
+      count += std::abs(quick.height(x_[i], y_[i], z_[i])) < share * tolerance_[i] ? 1 : 0;
+    }
+    return count;
+  }
+
+ private:
+  std::vector<float> x_, y_, z_, tolerance_;
+};
 
 // Weighted least squares with Tukey's weights of the residuals in tolerances.
 Plane refined(Plane plane, const std::vector<Sample>& samples) {
@@ -121,26 +146,17 @@ class Triples {
   std::mt19937_64 random_{5};
 };
 
-// Every so manieth sample.
-std::vector<Sample> voters_of(const std::vector<Sample>& samples) {
-  constexpr std::size_t kVoters = 4000;
-  std::vector<Sample> voters;
-  const std::size_t step = std::max<std::size_t>(1, samples.size() / kVoters);
-  for (std::size_t i = 0; i < samples.size(); i += step) voters.push_back(samples[i]);
-  return voters;
-}
-
 // The best one parallel to another, below the camera. Far away there are walls in a plane's tolerance, which would tilt it.
 std::optional<Plane> best_parallel(const Vector3d& normal, const std::vector<Sample>& samples,
                                    const TableOptions& options) {
   if (samples.empty()) return std::nullopt;
-  const std::vector<Sample> voters = voters_of(samples);
+  const Voters voters(samples);
   std::mt19937_64 random(9);
   std::optional<Plane> best;
-  std::size_t most = 0;
+  int most = 0;
   for (std::size_t trial = 0; trial < options.trials; ++trial) {
     const Plane plane{normal, -normal.dot(samples[random() % samples.size()].point)};
-    const std::size_t count = plane.offset > 0 ? votes(plane, voters) : 0;
+    const int count = plane.offset > 0 ? voters.votes(plane) : 0;
     if (count > most) most = count, best = plane;
   }
   for (int round = 0; best && round < 4; ++round) {
@@ -162,10 +178,10 @@ std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::o
   std::optional<Vector3d> up;
   if (camera) up = camera->linear().transpose() * Vector3d::UnitZ();
   const auto is_steep = [&](const Plane& p) { return up && p.normal.dot(*up) < std::cos(options.most_tilt); };
-  const std::vector<Sample> voters = voters_of(samples);
+  const Voters voters(samples);
   Triples triples(samples);
   std::optional<Plane> best;
-  std::size_t most = 0;
+  int most = 0;
   for (std::size_t trial = 0; trial < options.trials; ++trial) {
     const auto triple = triples.draw(trial % 2 != 0);
     if (!triple) continue;
@@ -176,7 +192,7 @@ std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::o
     const Plane plane = oriented(is_level ? *up : cross.normalized(), a);
     if (is_steep(plane)) continue;
     if (!up && plane.normal.y() > -0.2) continue;  // a camera that is held upright looks down on tables, not on walls
-    const std::size_t count = votes(plane, voters);
+    const int count = voters.votes(plane);
     if (count > most) most = count, best = plane;
   }
   if (!best) return std::nullopt;
@@ -184,18 +200,21 @@ std::optional<Plane> best_plane(const std::vector<Sample>& samples, const std::o
   const Plane tilted = is_steep(fitted) ? *best : fitted;
   const std::optional<Plane> level = up ? best_parallel(*up, samples, options) : std::nullopt;
   // A slope lies near to two tables of nearly one height: nearer than an error of depth it is to neither.
-  return level && close_votes(*level, voters) >= close_votes(tilted, voters) ? level : tilted;
+  const float close = static_cast<float>(1 / options.agreement);
+  return level && voters.votes(*level, close) >= voters.votes(tilted, close) ? level : tilted;
 }
 
 // The connected pieces of the pixels on the plane, by number; 0: none. The largest ones first, at most kMostPieces.
-cv::Mat1i pieces_on(const Cloud& cloud, const Plane& plane, double agreement, int& count) {
+cv::Mat1i pieces_on(const Cloud& cloud, const cv::Mat1f& tolerance, const Plane& plane, int& count) {
   constexpr int kMostPieces = 8;
-  MaskImage on_plane(cloud.size(), std::uint8_t{0});
+  MaskImage on_plane(cloud.size());
+  const QuickPlane quick(plane);
   for (int y = 0; y < cloud.rows; ++y) {
+    const cv::Vec3f* p = cloud[y];
+    const float* t = tolerance[y];
+    std::uint8_t* out = on_plane[y];
     for (int x = 0; x < cloud.cols; ++x) {
-      const cv::Vec3f& p = cloud(y, x);
-      if (p[2] <= 0) continue;
-      if (std::abs(plane.height({p[0], p[1], p[2]})) < agreement * depth_error(p[2])) on_plane(y, x) = 255;
+      out[x] = std::abs(quick.height(p[x][0], p[x][1], p[x][2])) < t[x] ? std::uint8_t{255} : std::uint8_t{0};
     }
   }
   cv::Mat1b open;
@@ -211,6 +230,18 @@ cv::Mat1i pieces_on(const Cloud& cloud, const Plane& plane, double agreement, in
   for (int i = 0; i < count; ++i) number[static_cast<std::size_t>(order[static_cast<std::size_t>(i)])] = i + 1;
   for (int& label : labels) label = number[static_cast<std::size_t>(label)];
   return labels;
+}
+
+// How far a point may be off a plane that it is on; 0: there is none.
+cv::Mat1f tolerance_of(const Cloud& cloud, double agreement) {
+  cv::Mat1f tolerance(cloud.size());
+  for (int y = 0; y < cloud.rows; ++y) {
+    for (int x = 0; x < cloud.cols; ++x) {
+      const float z = cloud(y, x)[2];
+      tolerance(y, x) = z > 0 ? static_cast<float>(agreement * depth_error(z)) : 0.0F;
+    }
+  }
+  return tolerance;
 }
 
 Eigen::Isometry3d frame_on(const Plane& plane, const Vector3d& origin, const Vector3d& ahead) {
@@ -270,11 +301,37 @@ std::vector<Hull> points_of(const Cloud& cloud, const cv::Mat1i& pieces, int cou
 // Square metres of cells of 2 cm that have a point.
 double covered_area(const Hull& points) {
   constexpr float kCell = 0.02F;
-  std::vector<std::pair<int, int>> cells;
-  for (const cv::Point2f& p : points) cells.emplace_back(cvFloor(p.x / kCell), cvFloor(p.y / kCell));
-  std::ranges::sort(cells);
-  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
-  return static_cast<double>(cells.size()) * static_cast<double>(kCell * kCell);
+  cv::Point2f low = points[0], high = low;
+  for (const cv::Point2f& p : points) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+  }
+  const auto cell = [&](const cv::Point2f& p) {
+    return cv::Point(static_cast<int>((p.x - low.x) / kCell), static_cast<int>((p.y - low.y) / kCell));
+  };
+  cv::Mat1b cells(cell(high).y + 1, cell(high).x + 1, std::uint8_t{0});
+  for (const cv::Point2f& p : points) cells(cell(p)) = 1;
+  return static_cast<double>(cv::countNonZero(cells)) * static_cast<double>(kCell * kCell);
+}
+
+// Those that may be corners of the hull: the others lie inside of the figure of eight extreme points.
+Hull outer_points(const Hull& points) {
+  static const std::array<cv::Point2f, 8> kDirections = {cv::Point2f(1, 0), {1, 1},   {0, 1},  {-1, 1},
+                                                         {-1, 0},           {-1, -1}, {0, -1}, {1, -1}};
+  std::array<cv::Point2f, 8> corners;
+  for (std::size_t i = 0; i < kDirections.size(); ++i) {
+    corners[i] = *std::ranges::max_element(points, {}, [&](const cv::Point2f& p) { return p.dot(kDirections[i]); });
+  }
+  Hull outer;
+  for (const cv::Point2f& p : points) {
+    bool is_inside = true;
+    for (std::size_t i = 0; i < corners.size() && is_inside; ++i) {
+      const cv::Point2f side = corners[(i + 1) % corners.size()] - corners[i];
+      is_inside = side == cv::Point2f() || side.cross(p - corners[i]) > 0;
+    }
+    if (!is_inside) outer.push_back(p);
+  }
+  return outer.size() < 3 ? points : outer;
 }
 
 // Of a piece that may be a table top, else empty. Where a level plane cuts walls there are strips.
@@ -283,7 +340,7 @@ Hull hull_of(const Hull& points, double least_area) {
   constexpr double kLeastShare = 0.2;  // of the hull that is seen
   Hull hull;
   if (points.size() < 3) return {};
-  cv::convexHull(points, hull);
+  cv::convexHull(outer_points(points), hull);
   if (hull.size() < 3) return {};
   const double area = cv::contourArea(hull);
   const cv::Size2f sides = cv::minAreaRect(hull).size;
@@ -292,13 +349,14 @@ Hull hull_of(const Hull& points, double least_area) {
 }
 
 // What is on the plane, as tables. Nothing: no piece is large enough.
-std::optional<Table> table_on(const Plane& plane, const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,
-                              const TableOptions& options, double least_area) {
+std::optional<Table> table_on(const Plane& plane, const Cloud& cloud, const cv::Mat1f& tolerance,
+                              const std::optional<Eigen::Isometry3d>& camera, const TableOptions& options,
+                              double least_area) {
   Table table;
   const Vector3d ahead = camera ? Vector3d(camera->linear().transpose() * Vector3d::UnitX()) : Vector3d::UnitX();
   Eigen::Isometry3d frame = frame_on(plane, -plane.normal * plane.offset, ahead);
   int count = 0;
-  const cv::Mat1i pieces = pieces_on(cloud, plane, options.agreement, count);
+  const cv::Mat1i pieces = pieces_on(cloud, tolerance, plane, count);
   const std::vector<Hull> points = points_of(cloud, pieces, count, frame);
   table.surface = MaskImage(cloud.size(), std::uint8_t{0});
   std::vector<Hull> large;
@@ -352,8 +410,6 @@ Cloud cloud_of(const DepthImage& depth, const Calibration& calibration) {
   return cloud;
 }
 
-double depth_error(double metres) { return disparity_step(std::max(metres, 0.3) * 1000) / 2000; }
-
 bool Table::has(double x, double y) const {
   const auto column = static_cast<int>((x - raster_origin.x()) / cell),
              row = static_cast<int>((y - raster_origin.y()) / cell);
@@ -367,6 +423,7 @@ std::vector<Table> find_tables(const Cloud& cloud, const std::optional<Eigen::Is
   std::vector<Table> tables;
   std::vector<Sample> samples = sample(cloud, options.agreement);
   if (camera) std::erase_if(samples, [&](const Sample& s) { return !is_table_height(s.point, *camera, options); });
+  const cv::Mat1f tolerance = tolerance_of(cloud, options.agreement);
   bool any_plane = false;
   for (int i = 0; i < kMostPlanes && tables.size() < options.most_heights; ++i) {
     if (i > 0 && samples.size() < kFewestSamples) break;
@@ -375,7 +432,8 @@ std::vector<Table> find_tables(const Cloud& cloud, const std::optional<Eigen::Is
     if (!plane) break;
     any_plane = true;
     const bool is_further = !tables.empty() && options.heights.empty();
-    auto table = table_on(*plane, cloud, camera, options, is_further ? options.least_further_area : options.least_area);
+    auto table = table_on(*plane, cloud, tolerance, camera, options,
+                          is_further ? options.least_further_area : options.least_area);
     drop_explained(samples, *plane, table, options);
     if (table) tables.push_back(*std::move(table));
     if (!camera) break;  // the next plane may be the floor

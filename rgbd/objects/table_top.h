@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "rgbd/depth/disparity.h"
 #include "rgbd/frames/frame.h"
 
 namespace sherlog::rgbd {
@@ -29,7 +30,11 @@ using Cloud = cv::Mat3f;
 Cloud cloud_of(const DepthImage& depth, const Calibration& calibration);
 
 // How far a measurement is off, metres: half a step of the sensor's disparity.
-double depth_error(double metres);
+inline double depth_error(double metres) {
+  // Without a3, which is 1e-9 of a4, a step at d is d r / (1 - r).
+  const double millimetres = metres > 0.3 ? metres * 1000 : 300, r = millimetres * (kA4 / kA2);
+  return millimetres * r / (1 - r) / 2000;
+}
 
 struct TableOptions {
   double most_tilt = 0.26;  // radians, from the horizontal; where the camera's pose is known

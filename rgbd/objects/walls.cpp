@@ -1,6 +1,7 @@
 #include "rgbd/objects/walls.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -26,11 +27,15 @@ class WallFinder {
     const int reach = static_cast<int>((0.02 + 3 * error_) / table.cell) + 1;
     cv::Mat1b inner;
     cv::erode(table.raster, inner, cv::Mat::ones(2 * reach + 1, 2 * reach + 1, CV_8U));
-    std::vector<cv::Point> cells, corners;
-    cv::findNonZero(table.raster, cells);
-    cv::convexHull(cells, corners);
-    for (const cv::Point& cell : corners)
-      hull_.push_back(table.raster_origin + table.cell * Eigen::Vector2d(cell.x, cell.y));
+    std::vector<std::vector<cv::Point>> outlines;
+    cv::findContours(table.raster, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
+    for (const std::vector<cv::Point>& outline : outlines) {
+      std::vector<cv::Point> corners;
+      cv::convexHull(outline, corners);
+      hulls_.emplace_back();
+      for (const cv::Point& cell : corners)
+        hulls_.back().push_back(table.raster_origin + table.cell * Eigen::Vector2d(cell.x, cell.y));
+    }
     const int step = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(points.total()) / 20'000)));
     for (int y = step / 2; y < points.rows; y += step) {
       for (int x = step / 2; x < points.cols; x += step) {
@@ -58,7 +63,9 @@ class WallFinder {
   double tolerance() const { return std::max(0.01, 3 * error_); }
 
  private:
+  using Hull = std::vector<Eigen::Vector2d>;
   static constexpr float kLow = 0.02F, kHigh = 1.5F;
+  static constexpr double kCell = 0.04;  // of a wall
 
   std::optional<Line> best() {
     constexpr int kTrials = 120;
@@ -73,9 +80,9 @@ class WallFinder {
       line.offset = line.normal.dot(a.head<2>());
       if (line.beyond(0, 0) > 0) line = {-line.normal, -line.offset};
       if (line.beyond(eye_.x(), eye_.y()) > 0) continue;  // what is between the table and the camera is no wall of its
-      const bool bounds =
-          std::ranges::all_of(hull_, [&](const Eigen::Vector2d& p) { return line.beyond(p.x(), p.y()) < tolerance(); });
-      if (!bounds) continue;
+      const auto is_before = [&](const Eigen::Vector2d& p) { return line.beyond(p.x(), p.y()) < tolerance(); };
+      if (!std::ranges::all_of(hulls_, [&](const Hull& hull) { return std::ranges::all_of(hull, is_before); }))
+        continue;
       const auto votes = static_cast<std::size_t>(std::ranges::count_if(
           candidates_, [&](const Eigen::Vector3d& p) { return std::abs(line.beyond(p.x(), p.y())) < tolerance(); }));
       if (votes > most && is_wall(line)) most = votes, best = line;
@@ -83,33 +90,41 @@ class WallFinder {
     return best;
   }
 
-  // Upright, covered, and wide: most of the table stands against it, which is more than things in a row at its rim do.
+  // Behind one of the tables of this height.
   bool is_wall(const Line& line) const {
-    constexpr double kCell = 0.04, kLeastWidth = 0.4, kLeastHeight = 0.15, kLeastCover = 0.4, kLeastShare = 0.75;
+    const auto along = [&](double x, double y) { return line.normal.x() * y - line.normal.y() * x; };
     std::vector<std::pair<int, int>> cells;
     for (const Eigen::Vector3d& p : candidates_) {
       if (std::abs(line.beyond(p.x(), p.y())) >= tolerance()) continue;
-      cells.emplace_back(cvFloor((line.normal.x() * p.y() - line.normal.y() * p.x()) / kCell), cvFloor(p.z() / kCell));
+      cells.emplace_back(cvFloor(along(p.x(), p.y()) / kCell), cvFloor(p.z() / kCell));
     }
     std::ranges::sort(cells);
     cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
-    const auto [left, right] = std::ranges::minmax(cells, {}, &std::pair<int, int>::first);
-    const auto [low, high] = std::ranges::minmax(cells, {}, &std::pair<int, int>::second);
-    const int columns = right.first - left.first + 1, rows = high.second - low.second + 1;
-    double first = 0, last = 0;  // of the table, along the wall
-    for (const Eigen::Vector2d& p : hull_) {
-      const double along = line.normal.x() * p.y() - line.normal.y() * p.x();
-      first = std::min(first, along), last = std::max(last, along);
-    }
+    return std::ranges::any_of(hulls_, [&](const Hull& hull) {
+      const auto [first, last] =
+          std::ranges::minmax(hull, {}, [&](const Eigen::Vector2d& p) { return along(p.x(), p.y()); });
+      return stands_behind(cells, along(first.x(), first.y()), along(last.x(), last.y()));
+    });
+  }
+
+  // Upright, covered, and wide: most of the table stands against it, which is more than things in a row at its rim do.
+  // `cells`: in order.
+  static bool stands_behind(const std::vector<std::pair<int, int>>& cells, double first, double last) {
+    constexpr double kLeastWidth = 0.4, kLeastHeight = 0.15, kLeastCover = 0.4, kLeastShare = 0.75;
+    const auto begin = std::ranges::lower_bound(cells, std::pair(cvFloor(first / kCell) - 2, INT_MIN)),
+               end = std::ranges::upper_bound(cells, std::pair(cvFloor(last / kCell) + 2, INT_MAX));
+    if (begin >= end) return false;
+    const auto [low, high] = std::ranges::minmax(std::ranges::subrange(begin, end), {}, &std::pair<int, int>::second);
+    const int columns = std::prev(end)->first - begin->first + 1, rows = high.second - low.second + 1;
     return columns * kCell > std::max(kLeastWidth, kLeastShare * (last - first)) && rows * kCell > kLeastHeight &&
-           static_cast<double>(cells.size()) > kLeastCover * columns * rows;
+           static_cast<double>(end - begin) > kLeastCover * columns * rows;
   }
 
   const Eigen::Vector3d& any() { return candidates_[random_() % candidates_.size()]; }
 
   double error_ = 0;
   Eigen::Vector2d eye_ = Eigen::Vector2d::Zero();  // the camera, from above
-  std::vector<Eigen::Vector2d> hull_;
+  std::vector<Hull> hulls_;                        // of the tables
   std::vector<Eigen::Vector3d> candidates_;
   std::mt19937_64 random_{7};
 };

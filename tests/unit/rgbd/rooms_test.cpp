@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "rgbd/objects/walls.h"
 #include "rgbd/pipeline/frame_source.h"
 #include "rgbd/pipeline/perception.h"
 #include "rgbd/pipeline/truth.h"
@@ -103,6 +104,35 @@ TEST(Tables, MayStandAgainstWalls) {
         "counter", kinect_calibration(640, 480), look_at({0, 0.2, 1.55}, {0.1, 1.5, 0.9}), 2, room, story, {}, seed};
     Perception perception = everything({});
     EXPECT_EQ(names_found(perception, sequence, 0), (std::multiset<std::string>{"in front", "at the wall", "cup"}));
+  }
+}
+
+// Of two tables of one height, one stands against a wall.
+TEST(Tables, MayStandAgainstWallsBesideOthers) {
+  for (const bool has_wall : {true, false}) {
+    Scene room;
+    add_block(room, "floor", {-4, -2, -0.1}, {4, 5, 0}, {110, 120, 130});
+    add_block(room, "left table", {-0.95, 1, 0.7}, {-0.05, 1.7, 0.75}, {90, 130, 170});
+    add_block(room, "right table", {0.15, 1, 0.7}, {1.05, 1.6, 0.75}, {90, 130, 170});
+    // Things in a row at the other one's rim are none.
+    add_block(room, "row", {0.2, 1.55, 0.75}, {0.7, 1.6, 1}, {60, 60, 190});
+    if (has_wall) add_block(room, "wall", {-0.95, 1.7, 0}, {0.0, 1.8, 2}, {200, 205, 205});
+    const SyntheticSequence sequence{"tables",
+                                     kinect_calibration(640, 480),
+                                     look_at({0, -0.1, 1.6}, {0, 1.3, 0.7}),
+                                     2,
+                                     room,
+                                     [](double) { return Scene(); },
+                                     {},
+                                     1};
+    const TrueFrame truth = sequence.frame(0);
+    const Cloud cloud = cloud_of(truth.frame.depth, sequence.calibration());
+    std::string problem;
+    const std::vector<Table> tables = find_tables(cloud, truth.frame.pose, {}, problem);
+    ASSERT_EQ(tables.size(), 1U) << problem;  // of one height
+    const int behind = cv::countNonZero(behind_walls(above_table(cloud, tables[0]), tables[0]));
+    EXPECT_EQ(behind > 10'000, has_wall) << behind;
+    EXPECT_EQ(behind == 0, !has_wall) << behind;
   }
 }
 
