@@ -428,18 +428,19 @@ void add_perceive(CLI::App& app, Action& action) {
       command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
   CLI::Option* last =
       command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
-  command
-      ->add_option("--flow", arguments->flow,
-                   "These annotators in this order, whatever is asked for; or the fixed flow of an analysis engine")
-      ->type_name("NAME,..|FILE.yaml")
-      ->allow_extra_args(false)
-      ->delimiter(',');
+  CLI::Option* flow =
+      command
+          ->add_option("--flow", arguments->flow,
+                       "These annotators in this order, whatever is asked for; or the fixed flow of an analysis engine")
+          ->type_name("NAME,..|FILE.yaml")
+          ->allow_extra_args(false)
+          ->delimiter(',');
   CLI::Option* times =
       command->add_flag("--times", arguments->times, "How long each annotator took: mean and standard deviation");
   CLI::Option* record =
       command->add_option("--record", arguments->record, "Only write the frames into this folder, as a recording")
           ->type_name("FOLDER");
-  for (CLI::Option* other : {query, store, evidence, labels, people}) record->excludes(other);
+  for (CLI::Option* other : {query, store, evidence, labels, people, prefix, times, flow}) record->excludes(other);
   CLI::Option* plan =
       command->add_flag("--plan", arguments->plan, "Only say which annotators would run, and in which order");
   for (CLI::Option* other : {frames, store, evidence, labels, record, every, first, last, prefix, times}) {

@@ -110,7 +110,7 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   options.request = request;
   if (request && knowledge.things.empty() && arguments.annotators.empty()) {
     const auto needs_classes = [](const rgbd::Wanted& wanted) {
-      return std::ranges::count(wanted.names, "rs.annotation.Classification") > 0;
+      return wanted.names == std::vector<std::string>{"rs.annotation.Classification"};
     };
     if (std::ranges::any_of(request->wanted(), needs_classes)) {
       session.error("--query: which classes of things there may be is not known; --known FILE says it");
@@ -118,7 +118,7 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
     }
   }
   // A store and evidence take all that can be found.
-  if (!arguments.store.empty() || !arguments.evidence.empty()) options.request = rgbd::Request{};
+  options.everything = !arguments.store.empty() || !arguments.evidence.empty();
   std::string problem;
   options.flow = arguments.flow;
   if (const auto engine = engine_of(arguments)) {

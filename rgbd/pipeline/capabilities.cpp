@@ -119,6 +119,8 @@ class Reader {
     if (!domain) return std::nullopt;
     if (result.outputs.size() == 1 && result.output_values.empty()) {
       result.output_values[result.outputs[0]] = std::move(*domain);
+    } else if (!domain->empty() && result.output_values.empty()) {
+      warnings.push_back(at(node["domain"].Mark(), "which of the outputs has the domain is not said: none gets it"));
     }
     return result;
   }

@@ -55,27 +55,27 @@ bool may_write(const Annotator& annotator, const Wanted& wanted) {
   });
 }
 
+std::set<std::string> as_set(const Names& names) { return {names.begin(), names.end()}; }
+
 // Who writes what is wanted: those who may say one of the values, and where there is none, all.
 struct Writers {
   Positions positions;
   std::string unsaid;  // that there is none
 };
 
-Writers find_writers(const Annotators& annotators, const Positions& among, const Wanted& wanted,
+// `reader`: who wants it, and does not count.
+Writers find_writers(const Annotators& annotators, const Positions& among, const Wanted& wanted, std::size_t reader,
                      const std::string& who) {
   Writers writers;
-  std::set<std::string> known;
   for (const std::size_t i : among) {
-    if (may_write(*annotators[i], wanted)) writers.positions.push_back(i);
+    if (i != reader && may_write(*annotators[i], wanted)) writers.positions.push_back(i);
   }
   if (!writers.positions.empty() || wanted.values.empty()) return writers;
+  std::set<std::string> known;
   for (const std::size_t i : among) {
-    for (const std::string& name : wanted.names) {
-      if (!provides(*annotators[i], name)) continue;
-      writers.positions.push_back(i);
-      for (std::string& value : values_written(*annotators[i], name)) known.insert(std::move(value));
-      break;
-    }
+    if (i == reader || !may_write(*annotators[i], {wanted.names})) continue;
+    writers.positions.push_back(i);
+    for (const std::string& name : wanted.names) known.merge(as_set(values_written(*annotators[i], name)));
   }
   if (!writers.positions.empty()) {
     writers.unsaid =
@@ -106,8 +106,8 @@ class Planner {
       for (Wanted& wanted : needs_of(*annotator)) {
         Need need{std::move(wanted), {}, {}};
         if (!is_given(need.wanted)) {
-          need.writers = find_writers(annotators, all_, need.wanted, quoted(annotator->name()));
-          std::erase(need.writers.positions, needs_.size() - 1);  // who changes what is there needs others' first
+          // Who changes what is there needs others' first.
+          need.writers = find_writers(annotators, all_, need.wanted, needs_.size() - 1, quoted(annotator->name()));
         }
         needs_.back().push_back(std::move(need));
       }
@@ -116,30 +116,15 @@ class Planner {
   }
 
   std::optional<Flow> plan(std::span<const Wanted> wanted, std::string& problem) {
-    for (const bool by_rank : {false, true}) {
-      warnings_.clear();
-      is_taken_.assign(annotators_.size(), false);
-      Positions stack;
-      for (const Wanted& one : wanted) {
-        if (is_given(one)) continue;
-        const Writers writers = find_writers(annotators_, all_, one, "the request");
-        const Positions chosen = choose(one, writers, kNever);
-        if (chosen.empty()) return problem = reason(one, writers, "the request"), std::nullopt;
-        for (const std::size_t i : chosen) take(i, stack);
-      }
-      while (!stack.empty()) {
-        const std::size_t i = stack.back();
-        stack.pop_back();
-        for (Need& need : needs_[i]) {
-          if (is_given(need.wanted)) continue;
-          need.chosen = choose(need.wanted, need.writers, by_rank ? rank_[i] : kNever);
-          for (const std::size_t writer : need.chosen) take(writer, stack);
-        }
-      }
-      // With the cheapest writer of each view there may be a circle; with those that could run before, none.
+    is_careful_.assign(annotators_.size(), false);
+    while (true) {
+      if (!take_all(wanted, problem)) return std::nullopt;
       if (auto flow = in_order()) return flow;
+      // Nobody can begin the circle: its members read what could be written before them, and cheapest or not.
+      for (std::size_t i = 0; i < annotators_.size(); ++i) {
+        if (is_waiting(i) && waited_for(i) != kNever) is_careful_[i] = true;
+      }
     }
-    return problem = "the flow goes in a circle", std::nullopt;
   }
 
  private:
@@ -151,6 +136,33 @@ class Planner {
 
   bool is_given(const Wanted& wanted) const {
     return std::ranges::any_of(wanted.names, [&](const std::string& name) { return contains(given_, name); });
+  }
+
+  // Who is needed, from what is wanted back.
+  bool take_all(std::span<const Wanted> wanted, std::string& problem) {
+    warnings_.clear();
+    is_taken_.assign(annotators_.size(), false);
+    Positions stack;
+    for (const Wanted& one : wanted) {
+      if (is_given(one)) continue;
+      const Writers writers = find_writers(annotators_, all_, one, kNever, "the request");
+      const Positions chosen = choose(one, writers, kNever);
+      for (const std::size_t i : chosen) take(i, stack);
+      if (!chosen.empty()) continue;
+      const std::string why = reason(one, writers, "the request");
+      if (one.is_needed) return problem = why, false;
+      warn(warnings_, fmt::format("{} is not found: {}", fmt::join(one.names, " or "), why));
+    }
+    while (!stack.empty()) {
+      const std::size_t i = stack.back();
+      stack.pop_back();
+      for (Need& need : needs_[i]) {
+        if (is_given(need.wanted)) continue;
+        need.chosen = choose(need.wanted, need.writers, is_careful_[i] ? rank_[i] : kNever);
+        for (const std::size_t writer : need.chosen) take(writer, stack);
+      }
+    }
+    return true;
   }
 
   // In how many rounds it could run, if each round all ran that have what they need. kNever: it cannot run.
@@ -186,14 +198,12 @@ class Planner {
     }
     if (able.empty()) return able;
     if (!writers.unsaid.empty()) warn(warnings_, writers.unsaid);
-    if (needs_one_writer(wanted.names.front())) {
-      std::erase_if(able, [&](std::size_t i) { return rank_[i] >= before; });
-      return {*std::ranges::min_element(able, {}, [&](std::size_t i) { return annotators_[i]->cost(); })};
-    }
     for (const std::size_t i : writers.positions) {
       if (rank_[i] == kNever) warn(warnings_, fmt::format("'{}' is left out: {}", annotators_[i]->name(), reason(i)));
     }
-    return able;
+    if (!std::ranges::all_of(wanted.names, needs_one_writer)) return able;
+    std::erase_if(able, [&](std::size_t i) { return rank_[i] >= before; });
+    return {*std::ranges::min_element(able, {}, [&](std::size_t i) { return annotators_[i]->cost(); })};
   }
 
   void take(std::size_t i, Positions& stack) {
@@ -315,7 +325,7 @@ class Planner {
   std::vector<std::vector<Need>> needs_;  // of each annotator
   Positions rank_;
   Names warnings_;
-  std::vector<bool> is_taken_;
+  std::vector<bool> is_careful_, is_taken_;
   Positions step_;  // in the flow
 };
 
@@ -335,15 +345,13 @@ std::optional<Positions> positions_of(const Annotators& annotators, std::span<co
   return order;
 }
 
-// Why nobody before it in the flow writes what it needs.
-std::string missing_in(const Annotators& annotators, const Positions& order, std::size_t step, const Wanted& need) {
-  const std::string& reader = annotators[order[step]]->name();
-  const auto later = std::find_if(order.begin() + static_cast<std::ptrdiff_t>(step) + 1, order.end(),
-                                  [&](std::size_t i) { return provides(*annotators[i], need.names.front()); });
-  if (later != order.end()) {
-    return fmt::format("'{}' runs before '{}', whose results it reads", reader, annotators[*later]->name());
+// The first after the step who may write what it needs, and does not need that itself. Nothing: there is none.
+const Annotator* find_late(const Annotators& annotators, const Positions& order, std::size_t step, const Wanted& need) {
+  for (std::size_t later = step + 1; later < order.size(); ++later) {
+    const Annotator& annotator = *annotators[order[later]];
+    if (may_write(annotator, need) && !contains(annotator.reads(), need.names.front())) return &annotator;
   }
-  return fmt::format("nobody in the flow writes '{}', which '{}' needs", need.names.front(), reader);
+  return nullptr;
 }
 
 }  // namespace
@@ -382,9 +390,21 @@ std::optional<Flow> fixed_flow(const Annotators& annotators, std::span<const std
     std::map<std::size_t, Names> inputs;
     for (const Wanted& need : needs_of(annotator)) {
       if (contains(given, need.names.front())) continue;
-      Writers writers = find_writers(annotators, before, need, quoted(annotator.name()));
-      if (writers.positions.empty()) return problem = missing_in(annotators, *order, step, need), std::nullopt;
+      Writers writers = find_writers(annotators, before, need, kNever, quoted(annotator.name()));
+      const Annotator* late = find_late(annotators, *order, step, need);
+      if (late != nullptr && (writers.positions.empty() || !writers.unsaid.empty())) {
+        problem = fmt::format("'{}' runs before '{}', whose results it reads", annotator.name(), late->name());
+        return std::nullopt;
+      }
+      if (writers.positions.empty()) {
+        problem = fmt::format("nobody in the flow writes '{}', which '{}' needs", need.names.front(), annotator.name());
+        return std::nullopt;
+      }
       if (!writers.unsaid.empty()) warn(flow.warnings, writers.unsaid);
+      if (late != nullptr && !needs_one_writer(need.names.front())) {
+        warn(flow.warnings, fmt::format("'{}' runs before '{}', whose {} it could read", annotator.name(), late->name(),
+                                        need.names.front()));
+      }
       if (needs_one_writer(need.names.front())) writers.positions = {writers.positions.back()};
       for (const std::size_t writer : writers.positions) {
         inputs[static_cast<std::size_t>(std::ranges::find(before, writer) - before.begin())].push_back(
@@ -396,7 +416,7 @@ std::optional<Flow> fixed_flow(const Annotators& annotators, std::span<const std
     before.push_back((*order)[step]);
   }
   for (const Wanted& one : wanted) {
-    const Writers writers = find_writers(annotators, before, one, "the request");
+    const Writers writers = find_writers(annotators, before, one, kNever, "the request");
     if (writers.positions.empty()) warn(flow.warnings, "in the flow " + nobody_writes(one, "the request"));
     if (!writers.unsaid.empty()) warn(flow.warnings, writers.unsaid);
   }

@@ -9,7 +9,7 @@
 //           not see what they say. So the flow is the same every time.
 // Source    Beetz et al., RoboSherlock, ICRA 2015, sections 3 and 6 (flow controllers; pipelines from queries)
 // Errors    a sentence: a name that nobody writes and who wanted it; a circle that nobody can begin, with its members
-// Cost      O(n^2) for n annotators
+// Cost      O(n^2) for n annotators, and as much again for each that begins a circle
 #pragma once
 
 #include <memory>
@@ -53,7 +53,8 @@ struct Flow {
   };
   std::vector<std::size_t> order;
   std::vector<std::vector<Input>> inputs;
-  // Of values that nobody could write: all writers run, and none will. Of writers that are left out, as they cannot run.
+  // Of values that nobody could write: all writers run, and none will. Of writers that are left out, as they cannot run, or
+  // come too late.
   std::vector<std::string> warnings = {};
 };
 
@@ -61,6 +62,7 @@ struct Flow {
 struct Wanted {
   std::vector<std::string> names;
   std::vector<std::string> values = {};
+  bool is_needed = true;  // false: there is a plan without it too, and a warning
 };
 
 // Whether it writes the view, or annotations of the type.

@@ -44,10 +44,14 @@ std::string mismatch(const Frame& frame, const Calibration& calibration) {
   return {};
 }
 
+std::vector<Wanted> conditions_of(const PerceptionOptions& options) {
+  return options.request ? options.request->wanted() : std::vector<Wanted>();
+}
+
 std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOptions& options) {
   std::vector<Wanted> wanted;
   for (const std::string& name : options.also) wanted.push_back({{name}});
-  if (!options.request) {
+  if (!options.request && !options.everything) {
     if (wanted.empty()) wanted.push_back({{"foreground"}});
     return wanted;
   }
@@ -59,11 +63,11 @@ std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOpti
   }
   // Where it is belongs to every answer.
   for (const char* name : {"rs.scene.ImageROI", "rs.annotation.PoseAnnotation"}) {
-    if (std::ranges::find(all, name) != all.end()) wanted.push_back({{name}});
+    if (std::ranges::find(all, name) != all.end()) wanted.push_back({.names = {name}, .is_needed = false});
   }
-  for (Wanted& condition : options.request->wanted()) wanted.push_back(std::move(condition));
-  if (options.request->wants_everything()) {
-    for (std::string& name : all) wanted.push_back({{std::move(name)}});
+  for (Wanted& condition : conditions_of(options)) wanted.push_back(std::move(condition));
+  if (options.everything || !options.request || options.request->wants_everything()) {
+    for (std::string& name : all) wanted.push_back({.names = {std::move(name)}, .is_needed = false});
   }
   return wanted;
 }
@@ -72,7 +76,7 @@ std::vector<Wanted> wanted_of(const Annotators& annotators, const PerceptionOpti
 
 std::optional<Perception> Perception::make(Annotators annotators, PerceptionOptions options, std::string& problem) {
   const std::vector<Wanted> wanted = wanted_of(annotators, options);
-  const std::vector<Wanted> conditions = options.request ? options.request->wanted() : std::vector<Wanted>();
+  const std::vector<Wanted> conditions = conditions_of(options);
   auto flow = options.flow.empty() ? plan_flow(annotators, frame_views(), wanted, problem)
                                    : fixed_flow(annotators, frame_views(), options.flow, conditions, problem);
   if (!flow) return std::nullopt;

@@ -23,6 +23,7 @@ namespace sherlog::rgbd {
 struct PerceptionOptions {
   // What is asked for; nothing: only the depth images are preprocessed, and no object is looked for.
   std::optional<Request> request = {};
+  bool everything = false;             // all that can be found, whatever is asked for
   std::vector<std::string> also = {};  // further views and types
   std::vector<std::string> flow = {};  // these annotators in this order; empty: planned from what is wanted
   std::uint32_t threads = 0;           // 0: as many as the machine has

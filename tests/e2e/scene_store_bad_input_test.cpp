@@ -279,6 +279,15 @@ TEST_F(SceneStoreBadInput, AnInterruptedImportEndsWith130) {
   EXPECT_EQ(scene_count(), 1 + Json::parse(skipping.out)["added"].get<std::size_t>());
 }
 
+// As from programs that signal a process and its group.
+TEST_F(SceneStoreBadInput, TwoSignalsAtOnceAskOnce) {
+  const Outcome stopped =
+      scratch_.shell(R"((cat good.jsonl; sleep 3) | "$S" scenes import robot.db - --json - & p=$!; sleep 0.5; )"
+                     "kill -TERM $p; kill -INT $p; sleep 0.01; kill -TERM $p; wait $p");
+  EXPECT_EQ(stopped.code, 130) << stopped.err;
+  EXPECT_EQ(Json::parse(stopped.out, nullptr, false)["termination"], "interrupted") << stopped.out;
+}
+
 TEST_F(SceneStoreBadInput, AnImportThatIsInterruptedWhileItWaitsEndsWith130) {
   const Outcome stopped = scratch_.shell(
       R"((cat good.jsonl; sleep 2) | timeout --preserve-status -s INT 0.5 "$S" scenes import robot.db - --json -)");

@@ -201,9 +201,45 @@ TEST_F(Capabilities, ThatCannotRunAreLeftOutWhereOthersDo) {
   ASSERT_TRUE(flow) << problem_;
   EXPECT_EQ(flow->annotators(), (Names{"b", "s"}));
   EXPECT_EQ(flow->flow().warnings, Names{"'a' is left out: nobody writes 'rs.pcl.Nothing', which 'a' needs"});
+  EXPECT_EQ(plan(R"({"detect": {}})")->annotators(), (Names{"b", "s"}));
   fs::remove(folder_ / "s.yaml");
   EXPECT_FALSE(plan(R"({"detect": {"shape": "box"}})"));
   EXPECT_EQ(problem_, "nobody writes 'rs.pcl.Nothing', which 'a' needs");
+}
+
+TEST_F(Capabilities, DoNotCountForWhatTheyNeedThemselves) {
+  describe("a", "\n    - rs.annotation.Shape: [x]", "\n    - rs.annotation.Shape: [x]\n    - rs.annotation.Detection");
+  describe("b", "[]", "\n    - rs.annotation.Shape: [y]");
+  const auto flow = plan(R"({"detect": {"detection": "q"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"b", "a"}));
+  EXPECT_EQ(flow->flow().warnings,
+            Names{"nobody finds the rs.annotation.Shape 'x', which 'a' needs; what can be found: y"});
+}
+
+// A circle elsewhere changes nothing.
+TEST_F(Capabilities, ReadTheFirstCloudThoughThereIsACircleElsewhere) {
+  describe("a", "[rs.pcl.W]", "[rs.pcl.V]");
+  describe("b", "[]", "[rs.pcl.V]");
+  describe("r", "[rs.pcl.V]", "[rs.pcl.W]");
+  describe("s", "[rs.pcl.W]", "[rs.annotation.Shape]");
+  describe("c1", "[rs.pcl.X]", "[rs.pcl.U]");
+  describe("c2", "[]", "[rs.pcl.U]");
+  describe("t", "[rs.pcl.U]", "[rs.annotation.Shape]");
+  describe("x", "[]", "[rs.pcl.X]");
+  const auto flow = plan(R"({"detect": {"shape": "box"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), (Names{"b", "r", "s", "x", "c1", "t"}));
+}
+
+TEST_F(Capabilities, ThatNobodyAskedForDoNotEndThePlan) {
+  describe("pose", "[rs.nothing]", "[rs.annotation.PoseAnnotation]");
+  describe("shape", "[]", "[rs.annotation.Shape]");
+  const auto flow = plan(R"({"detect": {"shape": "box"}})");
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->annotators(), Names{"shape"});
+  EXPECT_EQ(flow->flow().warnings,
+            Names{"rs.annotation.PoseAnnotation is not found: nobody writes 'rs.nothing', which 'pose' needs"});
 }
 
 TEST_F(Capabilities, InAFixedFlowAreHeldAgainstWhatIsAsked) {
@@ -218,6 +254,21 @@ TEST_F(Capabilities, InAFixedFlowAreHeldAgainstWhatIsAsked) {
   EXPECT_NE(flow->warnings[0].find("'bottle', which 'Labels' needs"), std::string::npos) << flow->warnings[0];
   EXPECT_NE(flow->warnings[1].find("'bottle', which the request needs"), std::string::npos) << flow->warnings[1];
   EXPECT_NE(flow->warnings[2].find("nobody writes 'rs.annotation.SemanticColor'"), std::string::npos);
+}
+
+TEST_F(Capabilities, InAFixedFlowThatComeTooLateAreNamed) {
+  describe("early", "[]", "\n    - rs.annotation.Features: [OTHER]");
+  describe("knn", "\n    - rs.annotation.Features: [BVLC]", "[rs.annotation.Classification]");
+  describe("late", "[]", "\n    - rs.annotation.Features: [BVLC]");
+  auto annotators = read();
+  ASSERT_TRUE(annotators) << problem_;
+  EXPECT_FALSE(fixed_flow(*annotators, Names{}, Names{"early", "knn", "late"}, {}, problem_));
+  EXPECT_EQ(problem_, "'knn' runs before 'late', whose results it reads");
+  describe("early", "[]", "[rs.annotation.Features]");
+  annotators = read();
+  const auto flow = fixed_flow(*annotators, Names{}, Names{"early", "knn", "late"}, {}, problem_);
+  ASSERT_TRUE(flow) << problem_;
+  EXPECT_EQ(flow->warnings, Names{"'knn' runs before 'late', whose rs.annotation.Features it could read"});
 }
 
 // Against what the words say: everything that runs has what it needs from before, and who is not there could not run or
