@@ -11,18 +11,15 @@
 
 #include "inference/at_most_one.h"
 #include "inference/factor_graph_builder.h"
+#include "inference/gate_support.h"
 #include "inference/propagation.h"
 
 namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::uint64_t kPairJoint = 65536;  // a formula over two variables with so many joint values becomes one table
 constexpr std::uint64_t kSharedJoint = 4096;  // one whose variables have many formulas
 constexpr std::uint32_t kNone = FactorGraphBuilder::kNone;
-
-// Truth for each joint value of a scope, 64 to a word.
-using BitTable = std::vector<std::uint64_t>;
 
 class Compiler {
  public:
@@ -36,8 +33,8 @@ class Compiler {
       return std::move(graph_);
     }
     bind_variables();
-    collect_gates();
-    if (!stopped()) add_groups();
+    if (!collect_gates()) return std::move(graph_);
+    add_groups();
     if (!stopped()) collect_roots();
     for (const Root& root : roots_) {
       if (graph_.table_bytes > options_.max_bytes || out_of_time()) break;
@@ -55,6 +52,7 @@ class Compiler {
   }
 
  private:
+  using Gate = GateSupports::Gate;
   static constexpr std::uint32_t kFormulasPerStopCheck = 4096;
 
   bool stopped() { return graph_.stopped = graph_.stopped || (options_.stop != nullptr && options_.stop->reached()); }
@@ -72,7 +70,7 @@ class Compiler {
       if (binding.values.size() > 1) {
         binding.variable = builder_.add_variable(static_cast<std::uint32_t>(binding.values.size()), v.value);
       }
-      binding_of_.emplace(v.value, static_cast<std::uint32_t>(graph_.bindings.size()));
+      supports_.bind(v, static_cast<std::uint32_t>(graph_.bindings.size()));
       add_bias(v, binding);
       graph_.bindings.push_back(std::move(binding));
     }
@@ -95,129 +93,22 @@ class Compiler {
     }
   }
 
-  const FactorGraph::Binding& binding(VariableId v) const { return graph_.bindings[binding_of_.at(v.value)]; }
-
-  ValueTest value_test(VariableId v, std::uint32_t value) const {
-    const FactorGraph::Binding& b = binding(v);
-    const auto found = std::lower_bound(b.values.begin(), b.values.end(), value);
-    if (found == b.values.end() || *found != value) return ValueTest::constant(false);
-    if (b.variable == kNone) return ValueTest::constant(true);
-    ValueTest test{b.variable, std::vector<std::uint8_t>(b.values.size(), 0)};
-    test.accepted[static_cast<std::size_t>(found - b.values.begin())] = 1;
-    return test;
-  }
-
-  // --- gates of the component: constants and supports
-
-  struct GateInfo {
-    GateId id;
-    Truth truth = Truth::kOpen;          // by propagation, or as its inputs say
-    bool demanded = false;               // propagation says so, its inputs do not: to be enforced
-    bool wide = false;                   // too many joint values to list: `support` is not kept
-    std::vector<std::uint32_t> support;  // variables of the graph, sorted
-    std::uint64_t joint = 1;
-    std::optional<ValueTest> test;
-  };
-
-  void collect_gates() {
-    std::vector<std::uint32_t> stack;
-    const auto push = [&](Literal literal) {
-      if (literal.is_gate() && local_gate_.emplace(literal.gate().value, 0).second)
-        stack.push_back(literal.gate().value);
-    };
-    for (const std::uint32_t f : network_.component_features(component_)) push(network_.features()[f].literal);
-    for (const std::uint32_t c : network_.component_constraints(component_)) push(network_.constraints()[c].literal);
+  bool collect_gates() {
+    std::vector<Literal> roots;
+    for (const std::uint32_t f : network_.component_features(component_)) {
+      roots.push_back(network_.features()[f].literal);
+    }
+    for (const std::uint32_t c : network_.component_constraints(component_)) {
+      roots.push_back(network_.constraints()[c].literal);
+    }
     if (options_.with_queries) {
-      for (const std::uint32_t q : network_.component_queries(component_)) push(network_.queries()[q].literal);
-    }
-    std::vector<std::uint32_t> ids;
-    while (!stack.empty() && !out_of_time()) {
-      const std::uint32_t g = stack.back();
-      stack.pop_back();
-      ids.push_back(g);
-      for (const Literal input : network_.gate_inputs(GateId(g))) push(input);
-    }
-    if (stopped()) return;
-    std::sort(ids.begin(), ids.end());  // inputs before gates
-    gates_.reserve(ids.size());
-    for (const std::uint32_t g : ids) {
-      if (out_of_time()) return;
-      local_gate_[g] = static_cast<std::uint32_t>(gates_.size());
-      GateInfo info;
-      info.id = GateId(g);
-      look_at(info);
-      gates_.push_back(std::move(info));
-    }
-  }
-
-  GateInfo& info(GateId g) { return gates_[local_gate_.at(g.value)]; }
-
-  Truth truth(Literal literal) {
-    if (literal.is_constant()) return literal.negated() ? Truth::kFalse : Truth::kTrue;
-    Truth plain = Truth::kOpen;
-    if (literal.is_gate()) {
-      plain = info(literal.gate()).truth;
-    } else {
-      const ValueTest test = value_test(network_.variable_of(literal.atom()), network_.value_of(literal.atom()));
-      if (test.is_constant()) plain = test.value() ? Truth::kTrue : Truth::kFalse;
-    }
-    if (plain == Truth::kOpen) return plain;
-    return (plain == Truth::kTrue) != literal.negated() ? Truth::kTrue : Truth::kFalse;
-  }
-
-  // Truth by the inputs' truths.
-  Truth derived(GateId g) {
-    const auto inputs = network_.gate_inputs(g);
-    if (network_.gate_kind(g) == GateKind::kIff) {
-      const Truth a = truth(inputs[0]), b = truth(inputs[1]);
-      if (a == Truth::kOpen || b == Truth::kOpen) return Truth::kOpen;
-      return a == b ? Truth::kTrue : Truth::kFalse;
-    }
-    std::uint32_t satisfied = 0, open = 0;
-    for (const Literal input : inputs) {
-      const Truth t = truth(input);
-      if (t == Truth::kTrue) ++satisfied;
-      if (t == Truth::kOpen) ++open;
-    }
-    // Both kinds are monotone in the number of true inputs.
-    const bool least = gate_truth(network_.gate_kind(g), satisfied),
-               most = gate_truth(network_.gate_kind(g), satisfied + open);
-    if (least != most) return Truth::kOpen;
-    return least ? Truth::kTrue : Truth::kFalse;
-  }
-
-  void look_at(GateInfo& gate) {
-    gate.truth = derived(gate.id);
-    if (gate.truth != Truth::kOpen) return;
-    gate.truth = propagation_.truth(Literal::gate(gate.id));
-    gate.demanded = gate.truth != Truth::kOpen;
-    for (const Literal input : network_.gate_inputs(gate.id)) {
-      if (truth(input) != Truth::kOpen) continue;
-      if (input.is_gate()) {
-        const GateInfo& child = info(input.gate());
-        gate.wide = gate.wide || child.wide;
-        if (gate.wide) break;
-        extend(gate, child.support);
-      } else {
-        const std::uint32_t variable = binding(network_.variable_of(input.atom())).variable;
-        extend(gate, {&variable, 1});
-      }
-      if (gate.wide) break;
-    }
-    if (gate.wide) gate.support.clear();
-  }
-
-  void extend(GateInfo& gate, std::span<const std::uint32_t> variables) {
-    for (const std::uint32_t v : variables) {
-      const auto place = std::lower_bound(gate.support.begin(), gate.support.end(), v);
-      if (place != gate.support.end() && *place == v) continue;
-      gate.support.insert(place, v);
-      gate.joint *= graph_.cardinalities[v];
-      if (gate.joint > kPairJoint) {
-        gate.wide = true;
-        return;
+      for (const std::uint32_t q : network_.component_queries(component_)) {
+        roots.push_back(network_.queries()[q].literal);
       }
     }
+    const bool finished = supports_.collect(roots, [&] { return out_of_time(); });
+    tests_.resize(supports_.gates().size());
+    return finished && !stopped();
   }
 
   // --- roots: what scores or must hold
@@ -229,14 +120,14 @@ class Compiler {
   };
 
   void collect_roots() {
-    for (GateInfo& gate : gates_) {
+    for (const Gate& gate : supports_.gates()) {
       if (!gate.demanded || std::binary_search(covered_gates_.begin(), covered_gates_.end(), gate.id.value)) continue;
       const bool value = gate.truth == Truth::kTrue;
       roots_.push_back({Literal::gate(gate.id), value ? 0.0 : -kInfinity, value ? -kInfinity : 0.0});
     }
     for (const std::uint32_t f : network_.component_features(component_)) {
       const Feature& feature = network_.features()[f];
-      const Truth t = truth(feature.literal);
+      const Truth t = supports_.truth(feature.literal);
       const std::uint32_t recorded = options_.keep_features ? f : kNone;
       const double weight = options_.keep_features ? 1.0 : feature.weight;
       if (t == Truth::kTrue) builder_.add_constant(weight, recorded);
@@ -244,12 +135,12 @@ class Compiler {
     }
     for (const Root& root : roots_) {
       if (!root.literal.is_gate()) continue;
-      const GateInfo& gate = info(root.literal.gate());
+      const Gate& gate = supports_.gate(root.literal.gate());
       if (!gate.wide && gate.joint > options_.small_joint) ++formulas_on_[gate.support];
     }
   }
 
-  bool one_table(const GateInfo& gate) const {
+  bool one_table(const Gate& gate) const {
     if (gate.wide) return false;
     if (gate.joint <= options_.small_joint || gate.support.size() <= 2) return true;
     const auto found = formulas_on_.find(gate.support);
@@ -261,15 +152,14 @@ class Compiler {
       builder_.add_unary(test_of(root.literal), root.when_true, root.when_false, root.recorded);
       return;
     }
-    const GateInfo& gate = info(root.literal.gate());
+    const Gate& gate = supports_.gate(root.literal.gate());
     const double when_true = root.literal.negated() ? root.when_false : root.when_true;
     const double when_false = root.literal.negated() ? root.when_true : root.when_false;
     if (one_table(gate)) {
       if (add_disjunction(gate, when_true, when_false, root.recorded)) return;
-      const BitTable bits = truth_table(gate.id, gate.support);
+      const BitTable bits = supports_.truth_table(gate);
       std::vector<double> table(gate.joint);
-      for (std::size_t i = 0; i < table.size(); ++i)
-        table[i] = (bits[i / 64] >> (i % 64) & 1u) != 0 ? when_true : when_false;
+      for (std::size_t i = 0; i < table.size(); ++i) table[i] = bit_of(bits, i) ? when_true : when_false;
       builder_.add_table(gate.support, table, root.recorded);
       return;
     }
@@ -303,12 +193,12 @@ class Compiler {
 
   // An OR of atoms is false on a box: some values of each variable. Where that is the smaller side, only it is visited.
   // A pair of things that can each be one of 20 makes 400 formulas of 400 joint values: they take 400 steps, not 160,000.
-  bool add_disjunction(const GateInfo& gate, double when_true, double when_false, std::uint32_t recorded) {
+  bool add_disjunction(const Gate& gate, double when_true, double when_false, std::uint32_t recorded) {
     if (network_.gate_kind(gate.id) != GateKind::kOr || std::isinf(when_true)) return false;
     const auto& scope = gate.support;
     std::vector<std::vector<std::uint8_t>> accepted(scope.size());
     for (const Literal input : network_.gate_inputs(gate.id)) {
-      if (truth(input) != Truth::kOpen) continue;  // false, or the gate would be decided
+      if (supports_.truth(input) != Truth::kOpen) continue;  // false, or the gate would be decided
       if (input.is_gate()) return false;
       const ValueTest test = test_of(input);
       auto& joined = accepted[static_cast<std::size_t>(std::ranges::lower_bound(scope, test.variable) - scope.begin())];
@@ -340,103 +230,40 @@ class Compiler {
     return true;
   }
 
-  // --- truth tables
-
-  BitTable truth_table(GateId root, const std::vector<std::uint32_t>& scope) {
-    std::vector<std::uint32_t> below{local_gate_.at(root.value)};  // local numbers
-    std::map<std::uint32_t, BitTable> tables;                      // by local number: inputs come first
-    tables.emplace(below[0], BitTable{});
-    for (std::size_t i = 0; i < below.size(); ++i) {
-      for (const Literal input : network_.gate_inputs(gates_[below[i]].id)) {
-        if (!input.is_gate() || truth(input) != Truth::kOpen) continue;
-        const std::uint32_t child = local_gate_.at(input.gate().value);
-        if (tables.emplace(child, BitTable{}).second) below.push_back(child);
-      }
-    }
-    std::uint64_t joint = 1;
-    for (const std::uint32_t v : scope) joint *= graph_.cardinalities[v];
-    const std::size_t words = (joint + 63) / 64;
-    for (auto& [number, table] : tables) {
-      const GateId g = gates_[number].id;
-      const auto input_table = [&](Literal input) {
-        BitTable bits(words, 0);
-        const Truth t = truth(input);
-        if (t != Truth::kOpen) {
-          if (t == Truth::kTrue) std::fill(bits.begin(), bits.end(), ~std::uint64_t{0});
-          return bits;
-        }
-        if (input.is_gate()) {
-          bits = tables.at(local_gate_.at(input.gate().value));
-        } else {
-          bits =
-              test_table(value_test(network_.variable_of(input.atom()), network_.value_of(input.atom())), scope, joint);
-        }
-        if (input.negated()) {
-          for (auto& word : bits) word = ~word;
-        }
-        return bits;
-      };
-      const auto inputs = network_.gate_inputs(g);
-      const GateKind kind = network_.gate_kind(g);
-      table = input_table(inputs[0]);
-      BitTable any = table, two(words, 0);
-      for (std::size_t i = 1; i < inputs.size(); ++i) {
-        const BitTable other = input_table(inputs[i]);
-        for (std::size_t w = 0; w < words; ++w) {
-          two[w] |= any[w] & other[w];
-          any[w] |= other[w];
-          if (kind == GateKind::kIff) table[w] = ~(table[w] ^ other[w]);
-        }
-      }
-      for (std::size_t w = 0; w < words && kind != GateKind::kIff; ++w)
-        table[w] = kind == GateKind::kOr ? any[w] : ~two[w];
-    }
-    return tables.at(below[0]);
-  }
-
-  BitTable test_table(const ValueTest& test, const std::vector<std::uint32_t>& scope, std::uint64_t joint) const {
-    std::uint64_t stride = 1;
-    for (std::size_t i = scope.size(); scope[i - 1] != test.variable; --i) stride *= graph_.cardinalities[scope[i - 1]];
-    BitTable bits((joint + 63) / 64, 0);
-    const std::uint64_t k = graph_.cardinalities[test.variable];
-    for (std::uint64_t i = 0; i < joint; ++i) {
-      if (test.accepted[i / stride % k] != 0) bits[i / 64] |= std::uint64_t{1} << (i % 64);
-    }
-    return bits;
-  }
-
   // --- tests: literals as "this variable's value is among these"
 
   ValueTest test_of(Literal literal) {
-    const Truth t = truth(literal);
+    const Truth t = supports_.truth(literal);
     if (t != Truth::kOpen) return ValueTest::constant(t == Truth::kTrue);
     ValueTest plain;
     if (literal.is_atom()) {
-      plain = value_test(network_.variable_of(literal.atom()), network_.value_of(literal.atom()));
+      plain = supports_.value_test(literal.atom());
     } else {
       make_tests_below(literal.gate());
-      plain = *info(literal.gate()).test;
+      plain = *test(literal.gate());
     }
     return literal.negated() ? FactorGraphBuilder::negation(plain) : plain;
   }
+
+  std::optional<ValueTest>& test(GateId g) { return tests_[supports_.number(g)]; }
 
   // Makes the tests of a gate and of whatever it needs, without recursion.
   void make_tests_below(GateId root) {
     std::vector<GateId> stack{root};
     while (!stack.empty()) {
       const GateId g = stack.back();
-      if (info(g).test) {
+      if (test(g)) {
         stack.pop_back();
         continue;
       }
       const std::size_t before = stack.size();
-      if (!is_function(info(g))) {
+      if (!is_function(supports_.gate(g))) {
         for (const Literal leaf : leaves(g)) {
-          if (leaf.is_gate() && !info(leaf.gate()).test) stack.push_back(leaf.gate());
+          if (leaf.is_gate() && !test(leaf.gate())) stack.push_back(leaf.gate());
         }
       }
       if (stack.size() > before) continue;
-      info(g).test = make_test(g);
+      test(g) = make_test(g);
       stack.pop_back();
     }
   }
@@ -451,7 +278,7 @@ class Compiler {
       const GateId g = stack.back();
       stack.pop_back();
       for (const Literal input : network_.gate_inputs(g)) {
-        if (truth(input) != Truth::kOpen) {
+        if (supports_.truth(input) != Truth::kOpen) {
           if (!is_or) out.push_back(input);
           continue;
         }
@@ -473,13 +300,13 @@ class Compiler {
     return tests;
   }
 
-  bool is_function(const GateInfo& gate) const {
+  bool is_function(const Gate& gate) const {
     return !gate.wide && (gate.joint <= options_.small_joint / 2 || gate.support.size() == 1);
   }
 
   ValueTest make_test(GateId g) {
-    const GateInfo& gate = info(g);
-    if (is_function(gate)) return function_test(g);
+    const Gate& gate = supports_.gate(g);
+    if (is_function(gate)) return function_test(gate);
     std::vector<ValueTest> tests = input_tests(g);
     if (network_.gate_kind(g) == GateKind::kIff)
       return builder_.combined(tests[0], tests[1], FactorGraphBuilder::Operation::kIff);
@@ -490,17 +317,15 @@ class Compiler {
   }
 
   // The truth of a gate over few joint values: a test where it depends on one variable, else an auxiliary variable.
-  ValueTest function_test(GateId g) {
-    const std::vector<std::uint32_t> support = info(g).support;
-    const BitTable bits = truth_table(g, support);
-    const std::uint64_t joint = info(g).joint;
-    std::vector<std::uint8_t> truths(joint);
-    for (std::size_t i = 0; i < joint; ++i) truths[i] = static_cast<std::uint8_t>(bits[i / 64] >> (i % 64) & 1u);
-    if (support.size() == 1) return FactorGraphBuilder::simplified({support[0], truths});
+  ValueTest function_test(const Gate& gate) {
+    const BitTable bits = supports_.truth_table(gate);
+    std::vector<std::uint8_t> truths(gate.joint);
+    for (std::size_t i = 0; i < truths.size(); ++i) truths[i] = bit_of(bits, i) ? 1 : 0;
+    if (gate.support.size() == 1) return FactorGraphBuilder::simplified({gate.support[0], truths});
     std::uint32_t key = 0;
-    for (const std::uint32_t v : support) key = std::max(key, builder_.key(v));
+    for (const std::uint32_t v : gate.support) key = std::max(key, builder_.key(v));
     const ValueTest aux = builder_.auxiliary(key);
-    std::vector<std::uint32_t> scope = support;
+    std::vector<std::uint32_t> scope = gate.support;
     scope.push_back(aux.variable);
     std::vector<double> table;
     for (const std::uint8_t t : truths) {
@@ -574,7 +399,7 @@ class Compiler {
     for (const auto& literals : found.groups) {
       std::vector<ValueTest> tests;
       for (const auto& [variable, value] : literals) {
-        const ValueTest test = value_test(variable, value);
+        const ValueTest test = supports_.value_test(variable, value);
         if (test.is_constant()) continue;  // a true one has made the others false by propagation
         if (!tests.empty() && tests.back().variable == test.variable) {
           for (std::size_t k = 0; k < test.accepted.size(); ++k) tests.back().accepted[k] |= test.accepted[k];
@@ -601,8 +426,8 @@ class Compiler {
   Propagation propagation_;
   FactorGraphBuilder builder_;
   FactorGraph& graph_ = builder_.graph;
-  std::unordered_map<std::uint32_t, std::uint32_t> binding_of_, local_gate_;
-  std::vector<GateInfo> gates_;  // sorted by id
+  GateSupports supports_{network_, propagation_, graph_};
+  std::vector<std::optional<ValueTest>> tests_;  // by gate, in the order of supports_
   std::vector<Root> roots_;
   std::unordered_map<std::vector<std::uint32_t>, std::uint64_t, WordsHash> formulas_on_;
   std::vector<Group> groups_;

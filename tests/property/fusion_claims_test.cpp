@@ -7,14 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "grounding/ground.h"
-#include "inference/inference.h"
 #include "learning/learn.h"
 #include "learning/learned_model.h"
 #include "mln/evidence.h"
 #include "mln/model.h"
-#include "mln/query.h"
 #include "perception_bridge/kitchen_generator.h"
+#include "tests/support/marginals.h"
 
 namespace sherlog {
 namespace {
@@ -58,25 +56,7 @@ class LearnedFusion : public testing::Test {
 
   // Probabilities of the classes of cluster c1.
   static std::map<std::string, double> classes(const std::string& evidence) {
-    Diagnostics diagnostics;
-    const auto model = parse_model(text, "learned.mln", diagnostics);
-    EXPECT_TRUE(model) << diagnostics.render();
-    const auto databases = parse_evidence(*model, evidence, "e.db", diagnostics);
-    EXPECT_TRUE(databases) << diagnostics.render();
-    const auto query = parse_query(*model, databases->front(), {"object(c1,?o)"}, diagnostics);
-    EXPECT_TRUE(query) << diagnostics.render();
-    Monitor monitor;
-    const GroundingResult grounded = ground(*model, databases->front(), *query, {}, monitor);
-    EXPECT_TRUE(grounded.network) << grounded.message;
-    InferenceOptions options;
-    options.method = "exact";
-    const InferenceResult result = infer(*grounded.network, options, monitor);
-    std::map<std::string, double> found;
-    for (std::size_t q = 0; q < result.marginals.size(); ++q) {
-      found[grounded.network->atom_text(grounded.network->queries()[q].literal.atom())] =
-          result.marginals[q].probability;
-    }
-    return found;
+    return exact_marginals(text, evidence, {"object(c1,?o)"});
   }
   static std::string best(const std::map<std::string, double>& found) {
     std::string name;

@@ -9,46 +9,14 @@
 
 #include "inference/elimination_order.h"
 #include "inference/rng.h"
+#include "tests/support/random_tables.h"
 
 namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-struct Case {
-  std::vector<std::uint32_t> cardinalities;
-  std::vector<std::vector<std::uint32_t>> scopes;
-  LogTables tables;
-};
-
-// Up to `most` variables of up to `values` values, tables over one to three of them in any order, the same scope now and
-// then twice; one entry in `impossible` is impossible (0: none).
-Case random_case(std::uint64_t seed, std::uint32_t most, std::uint32_t values, double spread,
-                 std::uint32_t impossible) {
-  Rng rng(seed, 0);
-  Case c;
-  const std::uint32_t n = 1 + rng.below(most);
-  for (std::uint32_t v = 0; v < n; ++v) c.cardinalities.push_back(1 + rng.below(values));
-  const std::uint32_t tables = 1 + rng.below(3 * n);
-  for (std::uint32_t t = 0; t < tables; ++t) {
-    std::vector<std::uint32_t> scope;
-    const std::uint32_t size = 1 + rng.below(std::min(n, 3u));
-    while (scope.size() < size) {
-      const std::uint32_t v = rng.below(n);
-      if (std::find(scope.begin(), scope.end(), v) == scope.end()) scope.push_back(v);
-    }
-    std::size_t entries = 1;
-    for (const std::uint32_t v : scope) entries *= c.cardinalities[v];
-    std::vector<double> table;
-    for (std::size_t i = 0; i < entries; ++i) {
-      const bool zero = impossible > 0 && rng.below(impossible) == 0;
-      table.push_back(zero ? -kInfinity : spread * (2.0 * rng.uniform() - 1.0));
-    }
-    c.scopes.push_back(scope);
-    c.tables.push_back(table);
-  }
-  return c;
-}
+using Case = Tables;
 
 // A table for each variable and each pair.
 Case complete_case(std::uint64_t seed, std::uint32_t n, std::uint32_t values, double unary, double pair) {
@@ -114,7 +82,10 @@ TEST(BoundedSum, EqualsEliminationUpToTheGapItAdmits) {
   int possible = 0;
   for (std::uint64_t seed = 0; seed < 1500; ++seed) {
     SCOPED_TRACE(seed);
-    const Case c = random_case(seed, 7, seed % 2 == 0 ? 3 : 6, seed % 3 == 0 ? 0.3 : 4.0, seed % 5 == 0 ? 0 : 6);
+    const Case c = random_tables(seed, {.variables = 7,
+                                        .values = seed % 2 == 0 ? 3u : 6u,
+                                        .spread = seed % 3 == 0 ? 0.3 : 4.0,
+                                        .impossible = seed % 5 == 0 ? 0u : 6u});
     const SumProductResult expected = eliminate(c);
     possible += expected.log_partition > -kInfinity ? 1 : 0;
     for (const double gap : {1e-10, 1e-2}) expect_honest(c, expected, gap);
@@ -126,7 +97,7 @@ TEST(BoundedSum, OfMostlyImpossibleTablesEqualsElimination) {
   int possible = 0, impossible = 0;
   for (std::uint64_t seed = 0; seed < 500; ++seed) {
     SCOPED_TRACE(seed);
-    const Case c = random_case(seed, 8, 4, 2.0, 2);
+    const Case c = random_tables(seed, {.variables = 8, .values = 4, .spread = 2.0, .impossible = 2});
     const SumProductResult expected = eliminate(c);
     ++(expected.log_partition > -kInfinity ? possible : impossible);
     expect_honest(c, expected, 1e-10);
@@ -139,7 +110,7 @@ TEST(BoundedSum, OfHugeWeightsEqualsElimination) {
   int summed = 0;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     SCOPED_TRACE(seed);
-    const Case c = random_case(seed, 6, 4, 400.0, 8);
+    const Case c = random_tables(seed, {.variables = 6, .values = 4, .spread = 400.0, .impossible = 8});
     const SumProductResult expected = eliminate(c);
     const BoundedSumResult result = search(c);
     if (result.termination == Termination::kTooWide) continue;  // bounds too far off for plain numbers

@@ -6,43 +6,17 @@
 #include <limits>
 
 #include "inference/elimination_plan.h"
+#include "tests/support/random_tables.h"
 
 namespace sherlog {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-struct Case {
-  std::vector<std::uint32_t> cardinalities;
-  std::vector<std::vector<std::uint32_t>> scopes;
-  LogTables tables;
-};
+using Case = Tables;
 
-// A random product of tables over up to eight variables of up to four values, some entries impossible.
-Case random_case(std::uint64_t seed, double spread) {
-  Rng rng(seed, 0);
-  Case c;
-  const std::uint32_t n = 1 + rng.below(8);
-  for (std::uint32_t v = 0; v < n; ++v) c.cardinalities.push_back(1 + rng.below(4));
-  const std::uint32_t tables = 1 + rng.below(8);
-  for (std::uint32_t t = 0; t < tables; ++t) {
-    std::vector<std::uint32_t> scope;
-    const std::uint32_t size = 1 + rng.below(std::min(n, 3u));
-    while (scope.size() < size) {
-      const std::uint32_t v = rng.below(n);
-      if (std::find(scope.begin(), scope.end(), v) == scope.end()) scope.push_back(v);
-    }
-    std::size_t entries = 1;
-    for (const std::uint32_t v : scope) entries *= c.cardinalities[v];
-    std::vector<double> table;
-    for (std::size_t i = 0; i < entries; ++i) {
-      table.push_back(rng.below(6) == 0 ? -kInfinity : spread * (2.0 * rng.uniform() - 1.0));
-    }
-    c.scopes.push_back(scope);
-    c.tables.push_back(table);
-  }
-  return c;
-}
+// Up to eight variables of up to four values in up to eight tables, some entries impossible.
+Case random_case(std::uint64_t seed, double spread) { return random_tables(seed, {.tables = 8, .spread = spread}); }
 
 double log_value(const Case& c, const std::vector<std::uint32_t>& values) {
   double sum = 0.0;

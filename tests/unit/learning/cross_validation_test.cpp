@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "grounding/ground.h"
 #include "learning/learned_model.h"
 #include "learning/predict.h"
+#include "tests/support/marginals.h"
 
 namespace sherlog {
 namespace {
@@ -116,30 +116,13 @@ CrossValidationResult run(const Data& data, const CrossValidationOptions& option
 
 // The marginals of the target in a database by way of the front door: a learned model as text, and evidence without it.
 std::map<std::string, double> marginals(const std::string& model_text, const std::string& scene_text) {
-  Diagnostics diagnostics;
-  const auto model = parse_model(model_text, "learned.mln", diagnostics);
-  EXPECT_TRUE(model) << diagnostics.render();
   std::string evidence = "thing = {T0, T1, T2}\n";
   for (std::size_t begin = 0; begin < scene_text.size();) {
     const std::size_t end = scene_text.find('\n', begin);
     if (!scene_text.substr(begin).starts_with("k(")) evidence += scene_text.substr(begin, end - begin + 1);
     begin = end + 1;
   }
-  const auto databases = parse_evidence(*model, evidence, "t.db", diagnostics);
-  EXPECT_TRUE(databases) << diagnostics.render();
-  const auto query = parse_query(*model, databases->front(), {"k"}, diagnostics);
-  EXPECT_TRUE(query) << diagnostics.render();
-  Monitor monitor;
-  const GroundingResult grounded = ground(*model, databases->front(), *query, {}, monitor);
-  EXPECT_TRUE(grounded.network) << grounded.message;
-  InferenceOptions options;
-  options.method = "exact";
-  const InferenceResult result = infer(*grounded.network, options, monitor);
-  std::map<std::string, double> found;
-  for (std::size_t q = 0; q < result.marginals.size(); ++q) {
-    found[grounded.network->atom_text(grounded.network->queries()[q].literal.atom())] = result.marginals[q].probability;
-  }
-  return found;
+  return exact_marginals(model_text, evidence, {"k"});
 }
 
 TEST(CrossValidation, PredictsWhatTheModelLearnedFromTheOtherFoldsSays) {
