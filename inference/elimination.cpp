@@ -63,9 +63,9 @@ class TwoPasses {
     }
     for (std::size_t b = buckets.size(); b-- > 0;) {
       if (should_stop(b) || !join(b, !is_root[b])) return false;
-      believe(b);
-      if (with_table_marginals) project_on_tables(b);
-      answer_children(b);
+      const double scale = believe(b);
+      if (with_table_marginals) project_on_tables(b, scale);
+      answer_children(b, scale);
     }
     return true;
   }
@@ -191,8 +191,9 @@ class TwoPasses {
     return top + std::log(sum);
   }
 
-  // Turns the joined table into the (plain, normalised) belief and takes the variable's marginal from it.
-  void believe(std::size_t b) {
+  // Turns the joined table into the plain belief and takes the variable's marginal from it. Returns what the belief has to
+  // be multiplied with to sum to one: those who sum over it do so after summing, when fewer numbers are left.
+  double believe(std::size_t b) {
     const auto& bucket = tree_.buckets()[b];
     const std::size_t size = bucket.message_size * bucket.cardinality;
     double* belief = joined_.data();
@@ -202,26 +203,36 @@ class TwoPasses {
     }
     auto& marginal = result_.marginals[bucket.variable];
     marginal.assign(bucket.cardinality, 0.0);
-    for (std::size_t i = 0; i < size; i += bucket.cardinality) {
-      for (std::uint32_t k = 0; k < bucket.cardinality; ++k) marginal[k] += belief[i + k];
+    if (bucket.cardinality == 2) {  // most are; the sums stay in registers
+      double first = 0.0, second = 0.0;
+      for (std::size_t i = 0; i < size; i += 2) {
+        first += belief[i];
+        second += belief[i + 1];
+      }
+      marginal = {first, second};
+    } else {
+      for (std::size_t i = 0; i < size; i += bucket.cardinality) {
+        for (std::uint32_t k = 0; k < bucket.cardinality; ++k) marginal[k] += belief[i + k];
+      }
     }
     double sum = 0.0;
     for (const double p : marginal) sum += p;
     for (double& p : marginal) p /= sum;
-    for (std::size_t i = 0; i < size; ++i) belief[i] /= sum;
+    return 1.0 / sum;
   }
 
-  void project_on_tables(std::size_t b) {
+  void project_on_tables(std::size_t b, double scale) {
     for (const auto& input : tree_.inputs(tree_.buckets()[b])) {
       if (input.is_message) continue;
       auto& marginal = result_.table_marginals[input.index];
       marginal.assign(tree_.table_sizes()[input.index], 0.0);
       sum_onto(tree_.loops(input), joined_.data(), marginal.data());
+      for (double& p : marginal) p *= scale;
     }
   }
 
   // Overwrites each child's message with what the rest of the tree knows and the child does not.
-  void answer_children(std::size_t b) {
+  void answer_children(std::size_t b, double scale) {
     for (const auto& input : tree_.inputs(tree_.buckets()[b])) {
       if (!input.is_message) continue;
       const std::size_t size = tree_.buckets()[input.index].message_size;
@@ -229,10 +240,11 @@ class TwoPasses {
       separator_.assign(size, 0.0);
       sum_onto(tree_.loops(input), joined_.data(), separator_.data());
       for (std::size_t i = 0; i < size; ++i) {
+        const double sum = separator_[i] * scale;
         if constexpr (kLogarithms) {
-          message[i] = separator_[i] > 0.0 ? std::log(separator_[i]) - message[i] : -kInfinity;
+          message[i] = sum > 0.0 ? std::log(sum) - message[i] : -kInfinity;
         } else {
-          message[i] = separator_[i] > 0.0 ? separator_[i] / message[i] : 0.0;
+          message[i] = sum > 0.0 ? sum / message[i] : 0.0;
         }
       }
     }

@@ -38,19 +38,61 @@ void walk(std::span<const BucketTree::Loop> loops, Visit&& visit) {
   }
 }
 
+// Offsets into the smaller table for the next entries of the joined one: where inner runs are short, walking them loop by
+// loop costs more than the entries, and the same few offsets come again and again.
+struct Block {
+  static constexpr std::uint32_t kMost = 256, kShortRun = 16;
+
+  // Takes the innermost loops whose entries fit; `rest` gets the loops outside.
+  Block(std::span<const BucketTree::Loop> loops, std::span<const BucketTree::Loop>& rest) {
+    std::size_t d = loops.size();
+    while (d > 0 && size * loops[d - 1].count <= kMost) {
+      const BucketTree::Loop loop = loops[--d];
+      for (std::uint32_t k = 1; k < loop.count; ++k) {
+        for (std::uint32_t i = 0; i < size; ++i) offset[k * size + i] = offset[i] + k * loop.stride;
+      }
+      size *= loop.count;
+    }
+    rest = loops.first(d);
+  }
+
+  std::uint32_t size = 1;
+  std::array<std::uint32_t, kMost> offset{};
+};
+
+template <class Combine>
+void combine_run(const double* source, double* target, std::uint32_t count, std::uint32_t stride, Combine combine) {
+  if (stride == 0) {
+    const double value = *source;
+    for (std::uint32_t i = 0; i < count; ++i) target[i] = combine(target[i], value);
+  } else if (stride == 1) {
+    for (std::uint32_t i = 0; i < count; ++i) target[i] = combine(target[i], source[i]);
+  } else {
+    for (std::uint32_t i = 0; i < count; ++i) target[i] = combine(target[i], source[std::size_t{i} * stride]);
+  }
+}
+
 template <class Combine>
 void combine_into(std::span<const BucketTree::Loop> loops, const double* in, double* out, Combine combine) {
-  walk(loops, [&](std::size_t begin, std::size_t offset, std::uint32_t count, std::uint32_t stride) {
-    double* target = out + begin;
-    const double* source = in + offset;
-    if (stride == 0) {
-      const double value = *source;
-      for (std::uint32_t i = 0; i < count; ++i) target[i] = combine(target[i], value);
-    } else if (stride == 1) {
-      for (std::uint32_t i = 0; i < count; ++i) target[i] = combine(target[i], source[i]);
+  if (loops.size() > 4 && loops.back().count < Block::kShortRun) {
+    std::span<const BucketTree::Loop> rest;
+    const Block block(loops, rest);
+    const auto visit = [&](std::size_t begin, std::size_t offset, std::uint32_t count, std::uint32_t stride) {
+      double* target = out + begin * block.size;
+      for (std::uint32_t j = 0; j < count; ++j, target += block.size) {
+        const double* source = in + offset + std::size_t{j} * stride;
+        for (std::uint32_t i = 0; i < block.size; ++i) target[i] = combine(target[i], source[block.offset[i]]);
+      }
+    };
+    if (rest.empty()) {
+      visit(0, 0, 1, 0);
     } else {
-      for (std::uint32_t i = 0; i < count; ++i) target[i] = combine(target[i], source[std::size_t{i} * stride]);
+      walk(rest, visit);
     }
+    return;
+  }
+  walk(loops, [&](std::size_t begin, std::size_t offset, std::uint32_t count, std::uint32_t stride) {
+    combine_run(in + offset, out + begin, count, stride, combine);
   });
 }
 
