@@ -168,6 +168,7 @@ void print_labels(std::int32_t width, std::uint64_t seed) {
     of_printed.add(truth, points, timed(of_printed.seconds, [&] { return as_printed.next(points); }));
     const cv::Mat1i segments = timed(of_graph.seconds, [&] { return graph.next(depth.disparity, depth.foreground); });
     std::vector<std::int32_t> labels;
+    labels.reserve(points.size());
     for (const Keypoint& point : points) labels.push_back(segments(point.pixel.y, point.pixel.x));
     of_graph.add(truth, points, labels);
   }

@@ -109,7 +109,7 @@ class Session {
   Diagnostics diagnostics_;
   TerminalMonitor monitor_;
   bool colour_;
-  std::size_t max_memory_;  // --max-memory, else most of what the machine has: better a sentence than to be killed
+  std::size_t max_memory_;   // --max-memory, else most of what the machine has: better a sentence than to be killed
   std::size_t printed_ = 0;  // diagnostics
   bool counted_rest_ = false;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
