@@ -403,6 +403,13 @@ bool is_annotation_of(std::string_view type, std::string_view ancestor) {
 
 bool is_hypothesis_type(std::string_view type) { return is_annotation_of(type, kHypothesis); }
 
+bool is_of_the_moment(std::string_view type) {
+  constexpr std::array<std::string_view, 4> kTypes = {"rs.annotation.PoseAnnotation",
+                                                      "rs.annotation.LocationAnnotation", "rs.annotation.TFLocation",
+                                                      "rs.annotation.Tracking"};
+  return std::ranges::any_of(kTypes, [&](std::string_view known) { return is_annotation_of(type, known); });
+}
+
 std::vector<AnnotationField> all_fields(const AnnotationType& type) {
   std::vector<AnnotationField> fields;
   for (const AnnotationType* entry = &type; entry != nullptr; entry = find_annotation_type(entry->parent)) {

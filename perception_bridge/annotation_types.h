@@ -63,6 +63,8 @@ std::string_view full_type_name(std::string_view name);
 bool is_annotation_of(std::string_view type, std::string_view ancestor);
 // Hypotheses are the rs.scene.ObjectHypothesis below: where a thing is in the data. All other types are annotations.
 bool is_hypothesis_type(std::string_view type);
+// Where a thing is, and what trackers called it, is true of one moment; what it looks like and is, of all.
+bool is_of_the_moment(std::string_view type);
 
 // Its own fields and those of its parents.
 std::vector<AnnotationField> all_fields(const AnnotationType& type);

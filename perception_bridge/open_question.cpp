@@ -3,18 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <limits>
 
 #include "perception_bridge/annotation_types.h"
 
 namespace sherlog {
 namespace {
-
-// Where a thing is, and what trackers called it, is true of one moment.
-constexpr std::array<std::string_view, 4> kOfTheMoment = {"rs.annotation.PoseAnnotation",
-                                                          "rs.annotation.LocationAnnotation",
-                                                          "rs.annotation.TFLocation", "rs.annotation.Tracking"};
 
 constexpr SceneLimits kNoLimits{std::numeric_limits<std::size_t>::max(), std::numeric_limits<std::size_t>::max()};
 
@@ -41,10 +35,9 @@ bool complete_look(Cluster& earlier, const Cluster& later) {
   const std::vector<Annotation> before = earlier.annotations;
   for (const Annotation& annotation : later.annotations) {
     const auto type = full_type_name(annotation.type);
-    const bool of_the_moment = std::ranges::find(kOfTheMoment, type) != kOfTheMoment.end();
     const bool known =
         std::ranges::any_of(before, [&](const Annotation& other) { return full_type_name(other.type) == type; });
-    if (!of_the_moment && !known) earlier.annotations.push_back(annotation);
+    if (!is_of_the_moment(type) && !known) earlier.annotations.push_back(annotation);
   }
   return earlier.annotations.size() > before.size();
 }

@@ -5,14 +5,28 @@
 #include <algorithm>
 #include <chrono>
 
+#include "perception_bridge/annotation_types.h"
+
 namespace sherlog {
 namespace {
 
 constexpr double kWorthNaming = 0.01;
 
+// As it was meant where it was said: what does not name its frame is in that of its cluster.
+Annotation carried(const Cluster& from, const Cluster& to, Annotation annotation) {
+  if (!annotation.frame && from.frame != to.frame) annotation.frame = from.frame;
+  return annotation;
+}
+
+std::string lower(std::string text) {
+  std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
 }  // namespace
 
 Cluster merged_look(const Cluster& earlier, Cluster later) {
+  const bool is_located = position_of(later).has_value();
   const auto replaced = [&](const Annotation& old_one, const std::vector<Annotation>& fresh) {
     return std::any_of(fresh.begin(), fresh.end(), [&](const Annotation& annotation) {
       return annotation.type == old_one.type && annotation.source == old_one.source;
@@ -20,8 +34,12 @@ Cluster merged_look(const Cluster& earlier, Cluster later) {
   };
   const std::vector<Annotation> fresh = later.annotations;
   for (const Annotation& annotation : earlier.annotations) {
-    if (!replaced(annotation, fresh)) later.annotations.push_back(annotation);
+    if (is_located && is_of_the_moment(annotation.type)) continue;  // whoever said it, and in whatever words
+    if (!replaced(annotation, fresh)) later.annotations.push_back(carried(earlier, later, annotation));
   }
+  if (is_located) return later;
+  for (const ObjectHypothesis* points : annotations_of(earlier.hypotheses, "rs.scene.ClusterPoints"))
+    later.hypotheses.push_back(carried(earlier, later, *points));
   return later;
 }
 

@@ -162,7 +162,8 @@ class SceneTracker {
   std::uint64_t names_ = 0;
 };
 
-// The later look; annotations of the earlier one stay where the later one has none of that type and source.
+// The later look; annotations of the earlier one stay where the later one has none of that type and source. Where the thing is
+// is said by one of them only: by the later one, or by the earlier one, in its frame, where the later one has no position.
 Cluster merged_look(const Cluster& earlier, Cluster later);
 
 // As a document for the store's beliefs.

@@ -360,6 +360,54 @@ TEST(OpenQuestion, ALookIsCompletedByWhatItLacksAndNotByPlaces) {
   EXPECT_EQ(*find(earlier.annotations[2].fields, "hash")->text(), "00");
 }
 
+// --- where a thing was last ---
+
+// Said in three ways; `frame` is that of its scene.
+enum class Said : std::uint8_t { kPose, kLocation, kPoints, kNot };
+Scene scene_with(double time, Said said, double x, const std::string& frame = "map") {
+  Scene scene = scene_of(time, {{x, 0, kRed}});
+  scene.frame = frame;
+  Cluster& cluster = scene.clusters[0];
+  cluster.annotations.erase(cluster.annotations.begin());
+  const Value at = number_list({x, 0, 0});
+  if (said == Said::kPose) {
+    const Value pose(Value::Object{{"translation", at}, {"rotation", number_list({0, 0, 0, 1})}});
+    cluster.annotations.push_back(made("rs.annotation.PoseAnnotation", {{"world", pose}}));
+  }
+  if (said == Said::kLocation)
+    cluster.annotations.push_back(made("rs.annotation.LocationAnnotation", {{"position", at}}));
+  if (said == Said::kPoints) cluster.hypotheses.push_back(made("rs.scene.ClusterPoints", {{"centroid", at}}));
+  take_frame_of_scene(scene);
+  return scene;
+}
+
+TEST(SceneTrackerPlaces, TheLastPositionCountsInWhateverWordsItIsSaid) {
+  for (const Said before : {Said::kPose, Said::kLocation, Said::kPoints}) {
+    for (const Said after : {Said::kPose, Said::kLocation, Said::kPoints}) {
+      for (const bool arbitrated : {false, true}) {
+        SceneTracker tracker = arbitrated ? arbitrated_tracker() : table1_tracker();
+        fed(tracker, scene_with(0, before, 0));
+        EXPECT_THAT(names_in(fed(tracker, scene_with(1, after, 5))), ElementsAre("object-1"));
+        EXPECT_THAT(fed(tracker, looking_at(scene_of(2, {}), {-1, -1}, {1, 1})).hidden, ElementsAre("object-1"));
+        EXPECT_THAT(fed(tracker, looking_at(scene_of(3, {}), {4, -1}, {6, 1})).disappeared, ElementsAre("object-1"));
+      }
+    }
+  }
+}
+
+TEST(SceneTrackerPlaces, APositionThatIsNotReplacedStaysInItsFrame) {
+  for (const Said before : {Said::kPose, Said::kLocation, Said::kPoints}) {
+    SceneTracker tracker = table1_tracker();
+    fed(tracker, scene_with(0, before, 0));
+    EXPECT_THAT(names_in(fed(tracker, scene_with(1, Said::kNot, 0, "odom"))), ElementsAre("object-1"));
+    EXPECT_EQ(position_of(tracker.objects()[0].cluster)->frame, "map");
+    Scene elsewhere = looking_at(scene_of(2, {}), {-1, -1}, {1, 1});
+    elsewhere.annotations[0].frame = "odom";
+    EXPECT_THAT(fed(tracker, elsewhere).hidden, ElementsAre("object-1"));
+    EXPECT_THAT(fed(tracker, looking_at(scene_of(3, {}), {-1, -1}, {1, 1})).disappeared, ElementsAre("object-1"));
+  }
+}
+
 // --- going on later ---
 
 TEST(SceneTrackerState, ATrackerThatWasStoppedGoesOnAsIfItHadNot) {
