@@ -75,7 +75,7 @@ void add_store_option(CLI::App& command, StoreChoice& choice) {
   command.add_option("STORE", choice.path, "The store: an SQLite file")->required()->type_name("");
   command.add_option("--wait", choice.wait_seconds, "How long to wait for another program's lock (default 2)")
       ->type_name("S")
-      ->check(CLI::Range(0.0, 1e6).description(""));
+      ->check(number_within(0, 1e6));
 }
 
 void add_time_options(CLI::App& command, StoreChoice& choice) {
@@ -93,7 +93,7 @@ void add_time_options(CLI::App& command, StoreChoice& choice) {
       ->type_name("TIME");
   command.add_option("--utc-offset", choice.utc_offset, "The local time is so many hours ahead of UTC (default 0)")
       ->type_name("HOURS")
-      ->check(CLI::Range(-24.0, 24.0).description(""));
+      ->check(number_within(-24, 24));
 }
 
 void add_concept_option(CLI::App& command, StoreChoice& choice) {

@@ -130,6 +130,16 @@ CLI::Validator whole_number(std::uint64_t most) {
       "");
 }
 
+CLI::Validator number_within(double least, double most) {
+  return CLI::Validator(
+      [least, most](const std::string& text) {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && value >= least && value <= most;
+        return good ? std::string() : fmt::format("expected a number from {} to {}, not '{}'", least, most, text);
+      },
+      "");
+}
+
 CLI::Validator one_of(std::vector<std::string> words) {
   return CLI::Validator(
       [words = std::move(words)](const std::string& value) {

@@ -51,6 +51,7 @@ void add_inference_options(CLI::App& command, Options& options);  // --method --
 CLI::Validator one_of(std::vector<std::string> words);
 
 CLI::Validator whole_number(std::uint64_t most);
+CLI::Validator number_within(double least, double most);  // not nan
 
 // "500M", "2G", "4GiB", "1000000" in bytes: K, M, G, T (also KB, ...) are powers of 1000, KiB, ... of 1024.
 std::optional<std::size_t> parse_size(std::string_view text);

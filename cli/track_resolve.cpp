@@ -30,7 +30,7 @@ constexpr const char* kBelief = "identity";       // of each scene
 constexpr const char* kState = "identity_state";  // of the last one: what the next run needs to go on
 
 // The objects of an earlier run, so that this one goes on from there. False after saying what is wrong.
-bool resume(Session& session, SceneStore& store, SceneTracker& tracker) {
+bool resume(Session& session, SceneStore& store, const std::optional<StoredBelief>& state, SceneTracker& tracker) {
   std::map<std::string, std::optional<Scene>> scenes;  // many objects were seen last in the same ones
   for (const std::string& id : store.identities()) {
     auto identity = store.identity(id);
@@ -45,8 +45,8 @@ bool resume(Session& session, SceneStore& store, SceneTracker& tracker) {
       if (cluster.id == last.cluster) break;
     }
   }
-  const auto state = store.newest_belief(kState);
-  std::string problem;
+  std::string problem = store.problem();
+  if (!problem.empty()) return session.error(problem), false;
   if (!state || tracker.restore(state->document, problem)) return true;
   session.error(fmt::format("{}; --restart begins again", problem));
   return false;
@@ -119,10 +119,16 @@ bool are_equal(const Identity& a, const Identity& b) {
          a.disappeared == b.disappeared && std::ranges::equal(a.sightings, b.sightings, same);
 }
 
-// What goes into the store: in batches, so that little is lost where the program is killed.
+// Those of the run before, which --restart takes away; what people named stays.
+bool was_named_here(const std::string& id) { return id.starts_with(TrackerOptions{}.prefix); }
+
+// What goes into the store: in batches, so that little is lost where the program is killed. Not on top of what could not be
+// read, nor over what another program has found out since.
 class Keeper {
  public:
-  Keeper(SceneStore& store, const Resolving& resolving) : store_(store), resolving_(resolving) {}
+  // `state`: the one that this run goes on from, or replaces.
+  Keeper(SceneStore& store, const Resolving& resolving, std::optional<StoredBelief> state)
+      : store_(store), resolving_(resolving), state_(std::move(state)) {}
 
   // What the store has already.
   void know(const SceneTracker& tracker) {
@@ -133,12 +139,20 @@ class Keeper {
 
   // What is believed now, and what was found out on the way. False where the store could not be written.
   bool keep(const SceneTracker& tracker) {
+    problem_ = store_.problem();
+    if (!problem_.empty()) return false;
     if (resolving_.dry_run || beliefs_.empty()) return true;
     bool good = store_.begin();
+    if (good && !is_as_it_was()) {
+      store_.roll_back();
+      problem_ =
+          "another program has resolved scenes of the store since this one read it; what is not stored yet "
+          "is left out: run it again";
+      return false;
+    }
     if (resolving_.restart && !cleared_) {
       for (const std::string& id : store_.identities()) {
-        // Those of the run before; what people named stays.
-        if (id.starts_with(TrackerOptions{}.prefix)) good = good && store_.remove_identity(id);
+        if (was_named_here(id)) good = good && store_.remove_identity(id);
       }
       good = good && store_.remove_beliefs(kBelief);
     }
@@ -154,8 +168,9 @@ class Keeper {
       stored_[object.identity.id] = object.identity;
     }
     good = good && store_.remove_beliefs(kState) &&
-           store_.add(StoredBelief{beliefs_.back().scene, kState, tracker.state()}) && store_.commit();
-    if (!good) {
+           store_.add(StoredBelief{beliefs_.back().scene, kState, tracker.state()});
+    if (good) state_ = store_.newest_belief(kState);
+    if (!good || !store_.commit()) {
       problem_ = store_.problem();
       store_.roll_back();
       return false;
@@ -169,8 +184,15 @@ class Keeper {
  private:
   static constexpr std::size_t kBatch = 200;  // scenes
 
+  bool is_as_it_was() {
+    const auto now = store_.newest_belief(kState);
+    if (!now || !state_) return now.has_value() == state_.has_value();
+    return now->scene == state_->scene && now->document == state_->document;
+  }
+
   SceneStore& store_;
   const Resolving& resolving_;
+  std::optional<StoredBelief> state_;
   bool cleared_ = false;
   std::map<std::string, Identity> stored_;
   std::vector<StoredBelief> beliefs_;
@@ -189,7 +211,8 @@ std::uint64_t count_late(SceneStore& store, const SceneFilter& filter, double re
 }
 
 // The steps that were new; a step that has no answer ends it.
-int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, const Resolving& resolving) {
+int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, const Resolving& resolving,
+                   Keeper& keeper) {
   auto filter = scene_filter(session, store, resolving.store);
   if (!filter) return kBadInput;
   const auto resumed = tracker.last_time();
@@ -201,7 +224,6 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
                {"or else", Align::kLeft}});
   Json steps = Json::array();
   Termination termination = Termination::kCompleted;
-  Keeper keeper(store, resolving);
   keeper.know(tracker);
   std::uint64_t late = 0, done = 0;
   bool is_kept = true;
@@ -264,8 +286,13 @@ int run_resolve(Options options, const Resolving& resolving) {
                                     resolving.tracker, problem);
   if (!tracker) return session.error(problem), kBadInput;
   if (resolving.arbiter) tracker->use_arbiter(TrackingArbiter(default_trackers(), resolving.arbiter_options));
-  if (!resolving.restart && !resume(session, *store, *tracker)) return kBadInput;
-  return resolve_scenes(session, *store, *tracker, resolving);
+  std::vector<std::string> taken = store->identities();
+  if (resolving.restart) std::erase_if(taken, was_named_here);
+  tracker->avoid(taken);
+  const auto state = store->newest_belief(kState);  // before all that must fit to it
+  if (!resolving.restart && !resume(session, *store, state, *tracker)) return kBadInput;
+  Keeper keeper(*store, resolving, state);
+  return resolve_scenes(session, *store, *tracker, resolving, keeper);
 }
 
 }  // namespace
@@ -295,7 +322,8 @@ void add_track_resolve(CLI::App& track, Action& action) {
   command
       ->add_option("--forget", resolving->tracker.forget_seconds,
                    "What was not seen for so long is no candidate (default: never)")
-      ->type_name("S");
+      ->type_name("S")
+      ->check(number_within(0, std::numeric_limits<double>::infinity()));
   command
       ->add_option("--max-pairs", resolving->tracker.most_pairs,
                    "Refuse scenes with more pairs of an object and a cluster (default 250000)")

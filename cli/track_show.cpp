@@ -213,7 +213,9 @@ void add_track_show(CLI::App& track, Action& action) {
   CLI::App* command = track.add_subcommand(
       "show", "One step as matrices: what is similar and near, what is believed, and the explanation");
   command->add_option("STORE", showing->store.path, "The scene store")->type_name("");
-  command->add_option("--wait", showing->store.wait_seconds, "For another program's lock (default 2)")->type_name("S");
+  command->add_option("--wait", showing->store.wait_seconds, "For another program's lock (default 2)")
+      ->type_name("S")
+      ->check(number_within(0, 1e6));
   command->add_option("--scene", showing->scene, "The new scene (default: the newest one)")->type_name("ID");
   command->add_option("--against", showing->against, "The old scene (default: the one before)")->type_name("ID");
   command->add_option("--dump", showing->dump, "Instead of a store: what `track simulate --dump` wrote")

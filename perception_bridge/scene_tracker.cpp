@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 
 #include "perception_bridge/annotation_types.h"
@@ -67,8 +68,12 @@ std::string SceneTracker::new_name() {
     std::string name = fmt::format("{}{}", options_.prefix, ++names_);
     const bool taken = std::any_of(objects_.begin(), objects_.end(),
                                    [&](const TrackedObject& object) { return object.identity.id == name; });
-    if (!taken) return name;
+    if (!taken && !taken_.contains(lower(name))) return name;
   }
+}
+
+void SceneTracker::avoid(const std::vector<std::string>& names) {
+  for (const std::string& name : names) taken_.insert(lower(name));
 }
 
 void SceneTracker::resume(Identity identity, Cluster cluster, double time) {
@@ -209,6 +214,10 @@ TrackingStep SceneTracker::feed(const Scene& scene, Monitor& monitor) {
     return step;
   }
   last_time_ = scene.timestamp;
+  for (std::size_t i = 0; i < objects_.size(); ++i) {
+    if (std::ranges::binary_search(candidates.objects, i)) continue;
+    objects_[i].identity.was_seen = objects_[i].identity.in_view = false;  // nobody looks for what is forgotten
+  }
   std::vector<bool> seen(candidates.objects.size(), false);
   std::vector<std::string> names;
   for (std::size_t n = 0; n < scene.clusters.size(); ++n) {

@@ -20,6 +20,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -92,10 +93,12 @@ class SceneTracker {
   void use_arbiter(TrackingArbiter arbiter);
 
   TrackingStep feed(const Scene& scene, Monitor& monitor);
+  // Names that new objects do not get, in upper or lower case.
+  void avoid(const std::vector<std::string>& names);
   // Takes an object up again, e.g. from a store.
   void resume(Identity identity, Cluster cluster, double time);
   // What identities and sightings do not say: how objects look, open questions, which names were used. After resuming all objects
-  // this makes a tracker go on as if it had never stopped. False, and a sentence, where it is no such document.
+  // this makes a tracker go on as if it had never stopped, in whatever order they came. False, and a sentence, where it is no such document.
   Value state() const;
   bool restore(const Value& state, std::string& problem);
 
@@ -160,6 +163,7 @@ class SceneTracker {
   std::vector<std::string> removed_;
   std::optional<double> last_time_;
   std::uint64_t names_ = 0;
+  std::set<std::string> taken_;  // in lower case
 };
 
 // The later look; annotations of the earlier one stay where the later one has none of that type and source. Where the thing is

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 
 #include "perception_bridge/scene_tracker.h"
 
@@ -101,6 +102,13 @@ bool SceneTracker::restore(const Value& state, std::string& problem) {
     object->cluster = std::move(look);
     relearn(id);
   }
+  std::map<std::string, std::size_t> place;
+  for (const auto& [id, look] : looks) place.emplace(id, place.size());
+  const auto position_in_state = [&](const TrackedObject& object) {
+    const auto found = place.find(object.identity.id);
+    return found == place.end() ? place.size() : found->second;
+  };
+  std::ranges::stable_sort(objects_, {}, position_in_state);  // those that came since are the last
   questions_ = std::move(open);
   names_ = std::max(names_, static_cast<std::uint64_t>(count));
   if (time != nullptr && time->number()) last_time_ = std::max(last_time_.value_or(*time->number()), *time->number());

@@ -2,10 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "perception_bridge/sqlite.h"
 #include "tests/e2e/program.h"
 
 namespace sherlog::e2e {
@@ -153,6 +156,65 @@ TEST_F(TrackResolve, ScenesOlderThanTheLastAreNamedAndLeftOut) {
   const Json all = json("track resolve robot.db --restart");
   EXPECT_EQ(all["steps"].size(), 4u);
   EXPECT_EQ(all["left_out"], 0);
+}
+
+// Equal things: who is taken for whom depends on the order in which the tracker knows them.
+TEST_F(TrackResolve, SceneBySceneIsTheSameAsAtOnce) {
+  // Two equal cups; one is seen again, and then both are elsewhere.
+  const std::vector<std::string> scenes = {
+      scene("s0", 0, {thing("a", 0.2, 0.2, kRed), thing("b", 0.8, 0.8, kRed)}),
+      scene("s1", 1, {thing("a", 0.2, 0.2, kRed)}),
+      scene("s2", 2, {thing("n", 10, 0, kRed), thing("m", 0, 10, kRed)}),
+      scene("s3", 3, {thing("n", 20, 0, kRed)}),
+      scene("s4", 4, {thing("n", 30, 0, kRed), thing("m", 0, 30, kRed), thing("x", 9, 9, kRed)}),
+  };
+  std::string all;
+  for (const std::string& line : scenes) {
+    all += line;
+    import("often.db", line);
+    json("track resolve often.db");
+  }
+  import("once.db", all);
+  json("track resolve once.db");
+  EXPECT_EQ(scratch_.sherlog("scenes export often.db").out, scratch_.sherlog("scenes export once.db").out);
+}
+
+TEST_F(TrackResolve, WhatAnotherProgramFoundOutMeanwhileIsNotOverwritten) {
+  import("robot.db", scene("a", 1, {thing("c", 0, 0, kRed)}));
+  json("track resolve robot.db");
+  import("robot.db", scene("b", 2, {thing("c", 0, 0, kRed)}));
+  // The other program: it holds the store until this one has read it and waits.
+  SqlDatabase other((scratch_.folder() / "robot.db").string(), {});
+  ASSERT_TRUE(other.execute("BEGIN IMMEDIATE"));
+  std::thread finishes([&] {
+    std::this_thread::sleep_for(std::chrono::seconds(2));
+    EXPECT_TRUE(
+        other.execute("UPDATE beliefs SET document = '{\"names\":7,\"objects\":[],\"questions\":[]}' "
+                      "WHERE kind = 'identity_state'; COMMIT"));
+  });
+  refused("track resolve robot.db --wait 60", "another program has resolved scenes of the store");
+  finishes.join();
+  EXPECT_EQ(json("scenes history robot.db object-1")["sightings"].size(), 1u) << "nothing was written";
+}
+
+TEST_F(TrackResolve, WhatIsForgottenIsNeitherSeenNorInView) {
+  import("robot.db", scene("noon", 0, {thing("c", 0, 0, kRed)}) + scene("later", 10, {}));
+  const Json object = json("track resolve robot.db --forget 5")["objects"][0];
+  EXPECT_EQ(object["wasSeen"], false);
+  EXPECT_EQ(object["inView"], false);
+  EXPECT_EQ(object["disappeared"], false) << "nobody looked for it";
+  for (const char* bad : {"--forget -1", "--forget nan", "--wait nan", "--wait -1", "--utc-offset nan"})
+    refused(std::string("track resolve robot.db ") + bad, "expected a number from");
+}
+
+TEST_F(TrackResolve, NamesThatDifferInCaseOnlyAreTaken) {
+  import("robot.db", scene("noon", 0, {thing("c", 0, 0, kRed)}));
+  import("robot.db", R"({"sherlog.record":"identity","id":"Object-1","lastSeen":0,"wasSeen":true,"inView":true,)"
+                     R"("disappeared":false,"sightings":[]})"
+                     "\n");
+  EXPECT_EQ(json("track resolve robot.db --dry-run --restart")["objects"][0]["id"], "object-2");
+  EXPECT_EQ(json("track resolve robot.db")["objects"][0]["id"], "object-2");
+  EXPECT_THAT(scratch_.sherlog("scenes export robot.db").out, HasSubstr("\"id\":\"Object-1\""));
 }
 
 TEST_F(TrackResolve, TooManyPairsAreRefusedWithTheLimit) {

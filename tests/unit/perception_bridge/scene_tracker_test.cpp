@@ -426,7 +426,9 @@ TEST(SceneTrackerState, ATrackerThatWasStoppedGoesOnAsIfItHadNot) {
     const auto state = parse_json(json_text(tracker.state()), problem);
     ASSERT_TRUE(state) << problem;
     SceneTracker next = table1_tracker();
-    for (const TrackedObject& object : tracker.objects()) next.resume(object.identity, Cluster{}, 0);
+    // In another order than that in which they came.
+    for (auto object = tracker.objects().rbegin(); object != tracker.objects().rend(); ++object)
+      next.resume(object->identity, Cluster{}, 0);
     ASSERT_TRUE(next.restore(*state, problem)) << problem;
     EXPECT_EQ(next.last_time(), tracker.last_time());
     tracker = std::move(next);
