@@ -94,7 +94,7 @@ int write_evidence(Session& session, const Observing& observing) {
     if (!observation) return kBadInput;
     const std::string one = evidence_text(*observation);
     if (!text.empty()) text += "---\n";
-    text += fmt::format("// {}\n{}", id, one);
+    text += fmt::format("// {}\n{}", on_one_line(id), one);
     json["scenes"].push_back({{"scene", id}, {"text", one}, {"notes", observation->notes}});
     for (const std::string& note : observation->notes) {
       if (++notes <= 20) session.warning(fmt::format("{}: {}", id, note));

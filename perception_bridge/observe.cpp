@@ -30,9 +30,13 @@ std::string spelled(std::string text, Spelling spelling) {
 }
 
 // Nothing where the mapping leaves the value out.
-std::optional<std::string> mapped_value(const AtomRule& rule, const std::string& value) {
+std::optional<std::string> mapped_value(const AtomRule& rule, const std::string& text) {
+  const std::string value = on_one_line(text);
   const auto listed = rule.values.find(lower(value));
-  if (listed != rule.values.end()) return listed->second.empty() ? std::nullopt : std::optional(listed->second);
+  if (listed != rule.values.end()) {
+    const std::string name = on_one_line(listed->second);
+    return name.empty() ? std::nullopt : std::optional(name);
+  }
   if (rule.only_listed || value.empty()) return std::nullopt;
   return spelled(value, rule.spelling);
 }
@@ -174,6 +178,18 @@ SceneObservation observe_change(const EvidenceMapping& mapping, std::span<const 
     if (!sees_thing(view, old_clusters[o])) result.atoms.push_back({mapping.out_of_view, {olds[o]}, 1, false});
   }
   return result;
+}
+
+std::string on_one_line(std::string_view text) {
+  std::string line;
+  bool is_gap = false;
+  for (const char c : text) {
+    const bool is_control = std::iscntrl(static_cast<unsigned char>(c)) != 0;
+    if (!is_control && is_gap && !line.empty()) line += ' ';
+    if (!is_control) line += c;
+    is_gap = is_control;
+  }
+  return line;
 }
 
 std::string evidence_text(const SceneObservation& observation) {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -44,6 +45,10 @@ SceneObservation observe(const EvidenceMapping& mapping, const Scene& scene, con
 // does not have the old position. An old cluster without a position counts as in view.
 SceneObservation observe_change(const EvidenceMapping& mapping, std::span<const Cluster> old_clusters,
                                 const Scene& now);
+
+// Without control characters: each row of them is one blank, and none at the ends. Evidence and its comments are written in
+// lines, and a constant with a line break in it (text that was read off a label) could not be read back.
+std::string on_one_line(std::string_view text);
 
 // One database of a .db file.
 std::string evidence_text(const SceneObservation& observation);
