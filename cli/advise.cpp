@@ -156,7 +156,8 @@ int advise_one_scene(Session& session, const Advising& advising) {
 
 int run_advise(Options options, const Advising& advising) {
   Session session(std::move(options));
-  if (!session.check_options()) return kBadInput;
+  if (!session.check_options({}, advising.costs.empty() ? std::vector<std::string>() : std::vector{advising.costs}))
+    return kBadInput;
   if (advising.max_outcomes == 0) return session.error("--max-outcomes: 0 is not at least 1"), kBadInput;
   return session.run("sherlog.advise/1", [&] { return advise_one_scene(session, advising); });
 }

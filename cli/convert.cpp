@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "cli/commands.h"
-#include "cli/output.h"
 #include "cli/report.h"
 #include "cli/session.h"
 #include "mln/parser.h"
@@ -52,12 +51,7 @@ int convert_model(Session& session, const Conversion& conversion) {
       dialect == Dialect::kSherlog ? print(whole, dialect, inline_includes) : convert(whole, dialect, diagnostics);
   session.print_diagnostics();
   if (diagnostics.has_errors()) return kBadInput;
-  if (conversion.output != "-") {
-    if (const auto problem = write_file(conversion.output, text)) {
-      session.error(*problem);
-      return kInternalError;
-    }
-  }
+  if (conversion.output != "-" && !session.write(conversion.output, text)) return kInternalError;
   return session.finish(kDone, conversion.output == "-" ? text : "", [&] {
     Json json;
     json["schema"] = "sherlog.convert/1";

@@ -8,7 +8,6 @@
 #include <sstream>
 
 #include "cli/commands.h"
-#include "cli/output.h"
 #include "cli/report.h"
 #include "cli/session.h"
 #include "cli/table.h"
@@ -188,10 +187,7 @@ int ground_all(Session& session, const Export& wanted) {
         session.error(*unfit);
         return kBadInput;
       }
-      if (const auto problem = write_to(wanted.output, network_text)) {
-        session.error(*problem);
-        return kInternalError;
-      }
+      if (!session.write(wanted.output, network_text)) return kInternalError;
       if (wanted.output == "-") text.clear();  // the export alone
     }
     if (result.termination == Termination::kInterrupted) break;

@@ -6,7 +6,6 @@
 
 #include "cli/commands.h"
 #include "cli/learning_options.h"
-#include "cli/output.h"
 #include "cli/report.h"
 #include "learning/learned_model.h"
 
@@ -150,10 +149,7 @@ int learn_and_write(Session& session, const LearnArguments& arguments) {
     for (const LearnedWeight& learned : result.weights) weights.push_back(learned.weight);
     const WeightTable table(*result.model);
     const std::string text = learned_model_text(*result.model, table, weights, provenance(result, arguments));
-    if (const auto problem = write_to(arguments.output, text)) {
-      session.error(*problem);
-      return kInternalError;
-    }
+    if (!session.write(arguments.output, text)) return kInternalError;
   }
   const std::string text = arguments.output == "-" ? "" : learn_text(result, arguments);
   return session.finish(exit_code(result.termination), text, [&] { return to_text(learn_json(result)); });

@@ -103,6 +103,9 @@ void add_concept_option(CLI::App& command, StoreChoice& choice) {
 }
 
 std::optional<SceneStore> open_store(Session& session, const StoreChoice& choice, SqlOpen how) {
+  for (const char* end : kStoreFiles) {
+    if (!session.reads(choice.path + end)) return std::nullopt;
+  }
   how.wait_seconds = choice.wait_seconds;
   std::string problem;
   auto store = SceneStore::open(choice.path, how, problem);
@@ -160,6 +163,7 @@ std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, con
 
 std::optional<EvidenceMapping> read_mapping(Session& session, const std::string& name) {
   if (auto shipped = shipped_mapping(name)) return shipped;
+  if (!session.reads(name)) return std::nullopt;
   const TextFile file = load_text_file(name);
   if (!file.text) {
     session.error(fmt::format("--mapping: '{}' is none of {}, and no file: {}", name,
@@ -175,6 +179,7 @@ std::optional<EvidenceMapping> read_mapping(Session& session, const std::string&
 
 std::optional<Concepts> read_concepts(Session& session, const StoreChoice& choice) {
   if (choice.concepts.empty()) return Concepts{};
+  if (!session.reads(choice.concepts)) return std::nullopt;
   const TextFile file = load_text_file(choice.concepts);
   std::string problem = file.problem;
   auto concepts = file.text ? parse_concepts(*file.text, problem) : std::nullopt;

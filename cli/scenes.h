@@ -32,6 +32,9 @@ struct StoreChoice {
   std::uint64_t limit = 0;
 };
 
+// The files of a store: its name, and what SQLite puts behind it.
+inline constexpr const char* kStoreFiles[] = {"", "-wal", "-shm"};
+
 void add_store_option(CLI::App& command, StoreChoice& choice);    // STORE, --wait
 void add_time_options(CLI::App& command, StoreChoice& choice);    // --from --to --during --now --utc-offset
 void add_concept_option(CLI::App& command, StoreChoice& choice);  // --concepts

@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 
-#include "cli/output.h"
 #include "cli/scenes.h"
 #include "cli/table.h"
 #include "mln/parser.h"
@@ -107,7 +106,7 @@ int write_evidence(Session& session, const Observing& observing) {
     session.error(fmt::format("{} after {} of {} scenes", stop_words(termination), done, ids->size()));
   }
   if (observing.output != "-") {
-    if (const auto problem = write_file(observing.output, text)) return session.error(*problem), kInternalError;
+    if (!session.write(observing.output, text)) return kInternalError;
     text = fmt::format("{} databases\n", done);
   }
   return session.finish(exit_code(termination), text, [&] { return to_text(json); });
@@ -328,7 +327,7 @@ int learn_from_store(Session& session, const Observing& observing) {
   mapping->similarity = learned.config;
   const std::string text = json_text(mapping_to_json(*mapping), 2) + "\n";
   if (observing.output == "-") return session.finish(kDone, text, [&] { return to_text(json); });
-  if (const auto problem = write_file(observing.output, text)) return session.error(*problem), kInternalError;
+  if (!session.write(observing.output, text)) return kInternalError;
   return session.finish(kDone,
                         fmt::format("{} pairs; mean log-likelihood {:.5f}, before {:.5f}\n\n{}", pairs.size(),
                                     learned.after, learned.before, table.text()),

@@ -6,7 +6,6 @@
 #include <iostream>
 #include <memory>
 
-#include "cli/output.h"
 #include "cli/scenes.h"
 #include "perception_bridge/annotation_types.h"
 #include "perception_bridge/scene_lines.h"
@@ -169,7 +168,7 @@ std::string import_text(const ImportResult& sum, std::uint64_t scenes) {
 // A store that was made for nothing goes away again.
 void remove_store(const std::string& path) {
   std::error_code ignored;
-  for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(path + end, ignored);
+  for (const char* end : kStoreFiles) std::filesystem::remove(path + end, ignored);
 }
 
 int import_into(Session& session, const Importing& importing, const SqlOpen& how) {
@@ -196,7 +195,7 @@ int import_into(Session& session, const Importing& importing, const SqlOpen& how
 
 int run_import(Options options, const Importing& importing) {
   Session session(std::move(options));
-  if (!session.check_options()) return kBadInput;
+  if (!session.check_options({}, importing.files)) return kBadInput;
   SqlOpen how;
   if (!importing.max_size.empty()) {
     const auto bytes = parse_size(importing.max_size);
@@ -230,7 +229,7 @@ int export_from(Session& session, const Exporting& exporting) {
     session.error(fmt::format("{} after {} lines; the rest is missing", stop_words(termination), lines));
   }
   if (exporting.output != "-") {
-    if (const auto problem = write_file(exporting.output, text)) return session.error(*problem), kInternalError;
+    if (!session.write(exporting.output, text)) return kInternalError;
     text = fmt::format("{} lines\n", lines);
   }
   return session.finish(exit_code(termination), text, [&] {

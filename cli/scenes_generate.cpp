@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 
-#include "cli/output.h"
 #include "cli/scenes.h"
 #include "cli/table.h"
 #include "perception_bridge/kitchen_generator.h"
@@ -118,12 +117,7 @@ int run_generate(Options options, const Generation& generation) {
     if (number > 0) text += "---\n";
     text += kitchen_scene_text(config, scene, text_options);
   }
-  if (generation.output != "-") {
-    if (const auto problem = write_file(generation.output, text)) {
-      session.error(*problem);
-      return kInternalError;
-    }
-  }
+  if (generation.output != "-" && !session.write(generation.output, text)) return kInternalError;
   return session.finish(kDone, generation.output == "-" ? text : generation_text(config, tally), [&] {
     return to_text(generation_json(config, generation, session.options().seed, tally, text));
   });

@@ -176,12 +176,18 @@ namespace {
 
 // Regular files only: what is sent to /dev/null twice is not lost.
 bool same_file(const std::string& a, const std::string& b) {
+  if (a == "-" || b == "-") return false;
   std::error_code error;
   const std::filesystem::path first(a), second(b);
   if (std::filesystem::exists(first, error) && !std::filesystem::is_regular_file(first, error)) return false;
   if (std::filesystem::equivalent(first, second, error) && !error) return true;
-  return std::filesystem::absolute(first, error).lexically_normal() ==
-         std::filesystem::absolute(second, error).lexically_normal();
+  // One of them is still to be made.
+  return std::filesystem::weakly_canonical(std::filesystem::absolute(first, error), error) ==
+         std::filesystem::weakly_canonical(std::filesystem::absolute(second, error), error);
+}
+
+std::string taken_place(const std::string& path) {
+  return fmt::format("'{}' is read: a result would take its place", path);
 }
 
 std::size_t most_of_the_memory() {
@@ -204,19 +210,18 @@ double Session::seconds() const {
 
 double Session::seconds_left() const { return std::max(0.0, options_.max_seconds - seconds()); }
 
-std::string Session::lost_file(const std::vector<std::string>& outputs, std::vector<std::string> inputs) const {
-  inputs.insert(inputs.end(), options_.models.begin(), options_.models.end());
-  inputs.insert(inputs.end(), options_.evidence.begin(), options_.evidence.end());
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    if (outputs[i] == "-" || outputs[i].empty()) continue;
-    for (std::size_t j = 0; j < i; ++j) {
-      if (same_file(outputs[i], outputs[j])) return fmt::format("two results cannot both go to '{}'", outputs[i]);
-    }
-    for (const std::string& input : inputs) {
-      if (same_file(outputs[i], input)) return fmt::format("'{}' is read: a result would take its place", outputs[i]);
-    }
-  }
-  return "";
+bool Session::reads(const std::string& path) {
+  inputs_.push_back(path);
+  const auto lost = std::ranges::find_if(outputs_, [&](const std::string& output) { return same_file(output, path); });
+  if (lost == outputs_.end()) return true;
+  return error(taken_place(*lost)), false;
+}
+
+bool Session::write(const std::string& path, std::string_view text) {
+  const bool is_read = std::ranges::any_of(inputs_, [&](const std::string& input) { return same_file(path, input); });
+  const auto problem = is_read ? std::optional(taken_place(path)) : write_to(path, text);
+  if (problem) error(*problem);
+  return !problem;
 }
 
 bool Session::check_options(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs) {
@@ -243,7 +248,17 @@ bool Session::check_options(const std::vector<std::string>& outputs, const std::
   for (const std::string& path : all) {
     if (const auto problem = check_writable(path)) return error(*problem), false;
   }
-  if (const std::string problem = lost_file(all, inputs); !problem.empty()) return error(problem), false;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (same_file(all[i], all[j])) return error(fmt::format("two results cannot both go to '{}'", all[i])), false;
+    }
+  }
+  outputs_ = std::move(all);
+  for (const auto& files : {options_.models, options_.evidence, inputs}) {
+    for (const std::string& file : files) {
+      if (!reads(file)) return false;
+    }
+  }
   if (const std::string problem = validate(inference_options()); !problem.empty()) return error(problem), false;
   return true;
 }
@@ -370,12 +385,9 @@ void Session::warning(std::string_view text) {
 int Session::finish(int code, const std::string& text, const std::function<std::string()>& json) {
   release_memory();
   monitor_.clear();
-  std::optional<std::string> problem;
-  if (wants_json()) problem = write_to(options_.json, json());
-  if (!problem && wants_text()) problem = write_standard_output(text);
-  if (!problem) return code;
-  error(*problem);
-  return kInternalError;
+  if (wants_json() && !write(options_.json, json())) return kInternalError;
+  if (wants_text() && !write("-", text)) return kInternalError;
+  return code;
 }
 
 }  // namespace sherlog::cli

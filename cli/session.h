@@ -71,8 +71,10 @@ class Session {
   double seconds_left() const;
 
   // False where an option makes no sense; says so. `outputs`: files that will be written; `inputs`: files that are read beside
-  // the models and the evidence.
+  // the models and the evidence, as for reads().
   bool check_options(const std::vector<std::string>& outputs = {}, const std::vector<std::string>& inputs = {});
+  // Called for every file before it is read, or made where it is a store. False where a result would take its place; says so.
+  bool reads(const std::string& path);
   // Warnings of this code are of no use to the command.
   void silence(std::string code) { diagnostics_.silence(std::move(code)); }
   // The inputs, or nothing after printing what is wrong.
@@ -101,16 +103,16 @@ class Session {
   bool wants_json() const { return !options_.json.empty(); }
   bool wants_text() const { return options_.json != "-"; }
   int finish(int code, const std::string& text, const std::function<std::string()>& json);
+  // Another result, to a file or with '-' to standard output. Never over a file that is read. False after saying why.
+  bool write(const std::string& path, std::string_view text);
 
  private:
-  // What would be overwritten before or after it is read; empty: nothing.
-  std::string lost_file(const std::vector<std::string>& outputs, std::vector<std::string> inputs) const;
-
   Options options_;
   Diagnostics diagnostics_;
   TerminalMonitor monitor_;
   bool colour_;
-  std::size_t max_memory_;   // --max-memory, else most of what the machine has: better a sentence than to be killed
+  std::size_t max_memory_;  // --max-memory, else most of what the machine has: better a sentence than to be killed
+  std::vector<std::string> outputs_, inputs_;
   std::size_t printed_ = 0;  // diagnostics
   bool counted_rest_ = false;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();

@@ -4,7 +4,6 @@
 #include <memory>
 
 #include "cli/commands.h"
-#include "cli/output.h"
 #include "cli/table.h"
 #include "cli/track_commands.h"
 #include "cli/track_options.h"
@@ -84,9 +83,7 @@ int simulate(Session& session, const SimulateArguments& arguments) {
       });
   session.release_memory();
   if (result.termination != Termination::kCompleted) session.error(result.message);
-  if (!arguments.dump.empty()) {
-    if (const auto problem = write_to(arguments.dump, dump)) return session.error(*problem), kInternalError;
-  }
+  if (!arguments.dump.empty() && !session.write(arguments.dump, dump)) return kInternalError;
   const std::string text =
       arguments.dump == "-" ? "" : simulate_text(*config, matcher->name(), result.trials, score, timing);
   return session.finish(exit_code(result.termination), text, [&] {

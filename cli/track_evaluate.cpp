@@ -4,7 +4,6 @@
 #include <charconv>
 #include <memory>
 
-#include "cli/output.h"
 #include "cli/table.h"
 #include "cli/track_commands.h"
 #include "cli/track_options.h"
@@ -202,10 +201,7 @@ int evaluate(Session& session, const EvaluateArguments& arguments) {
     e.notes.push_back("Not all trials were made: " + result.message);
   }
   const auto write = [&](const std::string& path, const auto& make) {
-    if (path.empty()) return true;
-    const auto problem = write_to(path, make());
-    if (problem) session.error(*problem);
-    return !problem;
+    return path.empty() || session.write(path, make());
   };
   if (!write(arguments.csv, [&] { return track_csv(e); }) || !write(arguments.svg, [&] { return track_svg(e); }) ||
       !write(arguments.html, [&] { return track_html(e); })) {

@@ -4,7 +4,6 @@
 #include <array>
 #include <memory>
 
-#include "cli/output.h"
 #include "cli/scenes.h"
 #include "cli/table.h"
 #include "cli/track_commands.h"
@@ -45,7 +44,7 @@ int learn(Session& session, const TrackLearnArguments& arguments) {
   if (learned.termination != Termination::kCompleted)
     return session.error(learned.message), exit_code(learned.termination);
   session.release_memory();
-  if (const auto problem = write_to(arguments.output, learned.model)) return session.error(*problem), kInternalError;
+  if (!session.write(arguments.output, learned.model)) return kInternalError;
   std::string text;
   if (arguments.output != "-") {
     text = fmt::format(
@@ -107,11 +106,8 @@ int learn_scenes(Session& session, const TrackLearnArguments& arguments) {
   if (learned.termination != Termination::kCompleted)
     return session.error(learned.message), exit_code(learned.termination);
   const std::string mapping = json_text(mapping_to_json(learned.mapping), 2) + "\n";
-  if (!arguments.mapping_output.empty()) {
-    if (const auto problem = write_to(arguments.mapping_output, mapping))
-      return session.error(*problem), kInternalError;
-  }
-  if (const auto problem = write_to(arguments.output, learned.model)) return session.error(*problem), kInternalError;
+  if (!arguments.mapping_output.empty() && !session.write(arguments.mapping_output, mapping)) return kInternalError;
+  if (!session.write(arguments.output, learned.model)) return kInternalError;
   std::string text;
   if (arguments.output != "-") {
     text = fmt::format(

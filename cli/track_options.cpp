@@ -40,6 +40,7 @@ void add_trials_options(CLI::App& command, TrackOptions& options) {
 std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions& options) {
   FourTablesConfig config;
   if (!options.config_file.empty()) {
+    if (!session.reads(options.config_file)) return std::nullopt;
     const TextFile file = load_text_file(options.config_file);
     if (!file.text)
       return session.error(fmt::format("--config: {}: {}", options.config_file, file.problem)), std::nullopt;
@@ -97,6 +98,7 @@ std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& mode
     model = parse_model(learned->model, "learned", diagnostics);
     grading = learned->grading;
   } else {
+    if (!session.reads(model_name)) return {};
     model = parse_model_file(model_name, diagnostics);
     // A model that asks for more than Table 1 has weights of its own, and wants odds.
     if (model && model->find_predicate("seesPlace")) grading = {Grading::Kind::kOdds, config.noise, config.noise};

@@ -298,6 +298,8 @@ int run_resolve(Options options, const Resolving& resolving) {
 }  // namespace
 
 std::optional<Model> identity_model(Session& session, const std::string& name) {
+  const bool is_shipped = name == "paper" || name == "scenes";
+  if (!is_shipped && !session.reads(name)) return std::nullopt;
   auto model = name == "paper"    ? parse_model(paper_identity_model(), "table1.mln", session.diagnostics())
                : name == "scenes" ? parse_model(scenes_identity_model(), "scenes.mln", session.diagnostics())
                                   : parse_model_files({name}, session.diagnostics());

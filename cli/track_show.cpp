@@ -4,7 +4,6 @@
 #include <fstream>
 #include <memory>
 
-#include "cli/output.h"
 #include "cli/scenes.h"
 #include "cli/table.h"
 #include "cli/track_commands.h"
@@ -84,6 +83,7 @@ Drawn draw_scenes(Session& session, const Showing& showing) {
 }
 
 std::optional<FourTablesTrial> dumped_trial(Session& session, const Showing& showing, const FourTablesConfig& config) {
+  if (!session.reads(showing.dump)) return std::nullopt;
   std::ifstream in(showing.dump, std::ios::binary);
   if (!in.is_open()) return session.error(fmt::format("cannot read '{}'", showing.dump)), std::nullopt;
   std::string line;
@@ -184,13 +184,8 @@ int show(Session& session, const Showing& showing) {
   const Drawn drawn = from_dump ? draw_trial(session, showing) : draw_scenes(session, showing);
   if (!drawn.picture) return drawn.code;
   const StepPicture& picture = *drawn.picture;
-  if (!showing.svg.empty()) {
-    if (const auto problem = write_to(showing.svg, step_svg(picture))) return session.error(*problem), kInternalError;
-  }
-  if (!showing.html.empty()) {
-    if (const auto problem = write_to(showing.html, step_html({&picture, 1})))
-      return session.error(*problem), kInternalError;
-  }
+  if (!showing.svg.empty() && !session.write(showing.svg, step_svg(picture))) return kInternalError;
+  if (!showing.html.empty() && !session.write(showing.html, step_html({&picture, 1}))) return kInternalError;
   const bool taken = showing.svg == "-" || showing.html == "-";
   return session.finish(kDone, taken ? "" : show_text(picture),
                         [&] { return to_text(show_json(picture, drawn.method)); });

@@ -7,7 +7,6 @@
 
 #include "cli/commands.h"
 #include "cli/learning_options.h"
-#include "cli/output.h"
 #include "cli/report.h"
 #include "learning/confusion_report.h"
 #include "learning/cross_validation.h"
@@ -182,10 +181,7 @@ std::string predictions_csv(const CrossValidationResult& result) {
 
 bool write_reports(Session& session, const XvalArguments& arguments, const CrossValidationResult& result) {
   const auto write = [&](const std::string& path, const auto& make) {
-    if (path.empty()) return true;
-    const auto problem = write_to(path, make());
-    if (problem) session.error(*problem);
-    return !problem;
+    return path.empty() || session.write(path, make());
   };
   const Evaluation& e = result.evaluation;
   return write(arguments.csv, [&] { return confusion_csv(e); }) &&

@@ -239,6 +239,81 @@ TEST_F(SceneStoreBadInput, ADamagedStoreIsSaid) {
   }
 }
 
+TEST_F(SceneStoreBadInput, NoResultTakesThePlaceOfWhatIsRead) {
+  for (const char* name : {"concepts.json", "mapping.json", "costs.txt"}) scratch_.write(name, "{}\n");
+  scratch_.write("m.mln", "object(c, o!)\n");
+  ASSERT_EQ(scratch_.shell("ln -s robot.db link.db").code, 0);
+  const std::string before = scratch_.read("robot.db");
+  for (const auto& [command, lost] : std::vector<std::pair<std::string, std::string>>{
+           {"scenes export robot.db -o", "robot.db"},
+           {"scenes export robot.db -o", "link.db"},
+           {"scenes export link.db -o", "robot.db"},
+           {"scenes export robot.db -o", "robot.db-wal"},
+           {"scenes evidence robot.db -o", "robot.db"},
+           {"scenes sigmas robot.db -o", "robot.db"},
+           {"scenes sigmas robot.db --mapping mapping.json -o", "mapping.json"},
+           {"scenes list robot.db --json", "robot.db"},
+           {"scenes show robot.db first --json", "robot.db"},
+           {"scenes counts robot.db --json", "robot.db"},
+           {"scenes check robot.db --json", "robot.db"},
+           {"scenes where robot.db milk --json", "robot.db"},
+           {"scenes where robot.db milk --concepts concepts.json --json", "concepts.json"},
+           {"scenes mapping mapping.json --json", "mapping.json"},
+           {"scenes reprocess robot.db --json", "robot.db"},
+           {"scenes reprocess robot.db -m m.mln -q object --json", "m.mln"},
+           {"scenes import robot.db good.jsonl --json", "robot.db"},
+           {"scenes import robot.db good.jsonl --json", "good.jsonl"},
+           {"scenes import new.db good.jsonl --json", "./new.db"},
+           {"track resolve robot.db --json", "robot.db"},
+           {"track resolve robot.db --model m.mln --json", "m.mln"},
+           {"track show robot.db --svg", "robot.db"},
+           {"track show --dump good.jsonl --svg", "good.jsonl"},
+           {"track simulate --config mapping.json --json", "mapping.json"},
+           {"track simulate --model m.mln --trials 1 --dump", "m.mln"},
+           {"track learn --scenes robot.db -o", "robot.db"},
+           {"advise -m m.mln -q object --costs costs.txt --json", "costs.txt"}}) {
+    refused(command + " " + lost, "'" + lost + "' is read: a result would take its place");
+  }
+  EXPECT_EQ(scratch_.read("robot.db"), before);
+  EXPECT_FALSE(scratch_.exists("new.db"));
+  EXPECT_EQ(scratch_.read("m.mln"), "object(c, o!)\n");
+  EXPECT_EQ(scratch_.sherlog("scenes export robot.db -o first.jsonl").code, 0) << "what nobody reads can be replaced";
+}
+
+// Text that was read off a label has line breaks.
+TEST_F(SceneStoreBadInput, EvidenceCanBeReadBackWhateverTheAnnotatorsWrote) {
+  scratch_.write("m.mln",
+                 "logo(cluster, text)\nobject(cluster, thing!)\nthing = {Milk, Tea}\n1 logo(c, \"Fresh milk\") => "
+                 "object(c, Milk)\n");
+  scratch_.write("mapping.json", R"({"name":"logos","clusters":{"domain":"cluster","prefix":"c"},"rules":[)"
+                                 R"({"annotation":"rs.annotation.Goggles","value":"/title","predicate":"logo"}]})");
+  const std::string text = R"({"id":"a\nb","timestamp":2,"identifiables":[{"id":"c","rs.annotation.Goggles":[)"
+                           R"({"category":"Logo","title":"Fresh\r\nmilk\n"},{"category":"Logo","title":"T\u0000ea"},)"
+                           R"({"category":"Logo","title":"\n"}]}]})";
+  ASSERT_EQ(import(text).code, 0);
+  ASSERT_EQ(scratch_.sherlog("scenes evidence robot.db --mapping mapping.json -o e.db").code, 0);
+  EXPECT_EQ(scratch_.read("e.db"),
+            "// first\n---\n// a b\ncluster = {c0}\nlogo(c0,\"Fresh milk\")\nlogo(c0,\"T ea\")\n");
+  const Outcome inferred = scratch_.sherlog("infer -m m.mln -e e.db -q object");
+  EXPECT_EQ(inferred.code, 0) << inferred.err;
+  const Outcome again = scratch_.sherlog("scenes reprocess robot.db --mapping mapping.json -m m.mln -q object");
+  EXPECT_EQ(again.code, 0) << again.err;
+  EXPECT_THAT(again.out, HasSubstr("2 beliefs"));
+}
+
+TEST_F(SceneStoreBadInput, AStoreThatIsDamagedFurtherOnIsNotTakenForAShorterOne) {
+  ASSERT_EQ(scratch_.sherlog("scenes generate --scenes 100 --format jsonl -o many.jsonl --quiet").code, 0);
+  ASSERT_EQ(scratch_.sherlog("scenes import robot.db many.jsonl").code, 0);
+  {
+    const auto size = std::filesystem::file_size(scratch_.folder() / "robot.db");
+    std::fstream file(scratch_.folder() / "robot.db", std::ios::binary | std::ios::in | std::ios::out);
+    file.seekp(static_cast<std::streamoff>(size - size / 10));
+    file << std::string(size / 10, '\xff');
+  }
+  refused("track resolve robot.db --dry-run", "robot.db' is damaged");
+  refused("track resolve robot.db", "robot.db' is damaged");
+}
+
 TEST_F(SceneStoreBadInput, AStoreThatIsMadeForNothingGoesAway) {
   scratch_.write("bad.jsonl", "broken\n");
   const std::size_t before = scratch_.file_count();
