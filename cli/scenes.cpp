@@ -155,7 +155,9 @@ std::optional<SceneFilter> scene_filter(Session& session, SceneStore& store, con
     for (const PartOfDay& part : kPartsOfDay) {
       if (part.name != choice.during) continue;
       filter.from = std::max(filter.from, midnight + part.from * 3600);
-      filter.to = std::min(filter.to, midnight + part.to * 3600);
+      // What begins at that time is of the next part, and to the end of a filter belongs the end.
+      filter.to =
+          std::min(filter.to, std::nextafter(midnight + part.to * 3600, -std::numeric_limits<double>::infinity()));
     }
   }
   return filter;

@@ -1,4 +1,5 @@
 // sherlog scenes with a store: in, out, questions, and what happens when something goes wrong.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -6,6 +7,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <string>
@@ -69,6 +71,27 @@ TEST_F(SceneStoreProgram, AnswersWhereThingsAreAndWere) {
   EXPECT_EQ(history["stays"].size(), 1u);
   EXPECT_EQ(history["stays"][0]["sightings"], 2);
   EXPECT_THAT(scratch_.sherlog("scenes where robot.db unicorn").out, HasSubstr("never seen"));
+}
+
+// What begins at a time is of the part of the day that begins then, and of no other.
+TEST_F(SceneStoreProgram, EveryMomentIsOfOnePartOfTheDay) {
+  std::string text;
+  for (const char* hour : {"0", "5", "12", "18", "24"})
+    text += fmt::format("{{\"id\":\"h{}\",\"timestamp\":{}}}\n", hour, 1353542400 + 3600 * std::stoi(hour));
+  scratch_.write("hours.jsonl", text);
+  ASSERT_EQ(scratch_.sherlog("scenes import hours.db hours.jsonl").code, 0);
+  const std::string now = " --now 2012-11-22T13:00:00";
+  for (const auto& [part, ids] : std::map<std::string, std::vector<std::string>>{{"night", {"h0"}},
+                                                                                 {"morning", {"h5"}},
+                                                                                 {"afternoon", {"h12"}},
+                                                                                 {"evening", {"h18"}},
+                                                                                 {"today", {"h0", "h5", "h12", "h18"}},
+                                                                                 {"yesterday", {}}}) {
+    std::vector<std::string> found;
+    const Json list = json("list hours.db --during " + part + now);
+    for (const Json& scene : list["scenes"]) found.push_back(scene["id"]);
+    EXPECT_EQ(found, ids) << part;
+  }
 }
 
 TEST_F(SceneStoreProgram, AnswersWhatWasOnTheTable) {
