@@ -60,8 +60,9 @@ int simulate(Session& session, const SimulateArguments& arguments) {
                                      kMostDumped)),
            kBadInput;
   }
-  const auto matcher = make_matcher(session, arguments.matcher, arguments.model, arguments.track, *config);
-  if (!matcher) return kBadInput;
+  const MadeMatcher made = make_matcher(session, arguments.matcher, arguments.model, arguments.track, *config);
+  if (!made.matcher) return finish_unlearned(session, "sherlog.track.simulate/1", made.termination, made.message);
+  const Matcher* const matcher = made.matcher.get();
   TrackRun run;
   run.config = *config;
   run.seed = arguments.options.seed;
@@ -70,7 +71,7 @@ int simulate(Session& session, const SimulateArguments& arguments) {
   TrackScore score;
   Timing timing;
   std::string dump;
-  const Matcher* const matchers[] = {matcher.get()};
+  const Matcher* const matchers[] = {matcher};
   const TrackRunResult result = run_trials(
       run, matchers, StopCondition(session.monitor(), session.seconds_left()),
       [&](const FourTablesTrial& trial, std::span<const MatcherAnswer> answers) {

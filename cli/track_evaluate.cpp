@@ -35,7 +35,9 @@ std::string figures_text(const TrackEvaluation& e, double seconds) {
                                       std::to_string(cell.trials)};
       for (const TrackScore& score : cell.scores) {
         const auto [low, high] = (score.*share).interval();
-        row.push_back(fmt::format("{:.3f} +-{:.3f}", (score.*share).rate(), (high - low) / 2));
+        row.push_back((score.*share).total() == 0
+                          ? "-"
+                          : fmt::format("{:.3f} +-{:.3f}", (score.*share).rate(), (high - low) / 2));
       }
       table.add_row(std::move(row));
     }
@@ -108,17 +110,23 @@ class Matchers {
   Matchers(Session& session, const EvaluateArguments& arguments)
       : session_(session), track_(arguments.track), names_(arguments.matchers), kept_(names_.size()) {}
 
-  bool prepare(const FourTablesConfig& config) {
+  // What kept one of them from being made; kCompleted: nothing.
+  struct Problem {
+    Termination termination = Termination::kCompleted;
+    std::string message = {};
+  };
+  Problem prepare(const FourTablesConfig& config) {
     for (std::size_t m = 0; m < names_.size(); ++m) {
       const bool depends = names_[m] == "generative" || noise_ != config.noise;
       if (kept_[m] && !depends) continue;
       const bool baseline = std::ranges::find(baseline_names(), names_[m]) != baseline_names().end();
-      kept_[m] = baseline ? make_matcher(session_, names_[m], "", track_, config)
-                          : make_matcher(session_, "mln", names_[m], track_, config);
-      if (!kept_[m]) return false;
+      MadeMatcher made = baseline ? make_matcher(session_, names_[m], "", track_, config)
+                                  : make_matcher(session_, "mln", names_[m], track_, config);
+      if (!made.matcher) return {made.termination, std::move(made.message)};
+      kept_[m] = std::move(made.matcher);
     }
     noise_ = config.noise;
-    return true;
+    return {};
   }
 
   std::vector<const Matcher*> all() const {
@@ -139,7 +147,7 @@ class Matchers {
 std::uint64_t cell_seed(std::uint64_t seed, std::size_t cell) { return seed * 1000 + cell + 1; }
 
 TrackRunResult run_cells(Session& session, const EvaluateArguments& arguments, const FourTablesConfig& config,
-                         TrackEvaluation& e, bool& good) {
+                         TrackEvaluation& e) {
   Matchers matchers(session, arguments);
   TrackRunResult result;
   const std::size_t cells = arguments.noises.size() * arguments.actions.size();
@@ -152,10 +160,14 @@ TrackRunResult run_cells(Session& session, const EvaluateArguments& arguments, c
     run.seed = cell_seed(arguments.options.seed, i);
     run.trials = arguments.track.trials;
     run.threads = arguments.options.threads;
-    good = matchers.prepare(run.config);
-    if (!good) return result;
     e.cells.push_back({run.config.noise, run.config.actions, 0, std::vector<TrackScore>(e.matchers.size()),
                        std::vector<double>(e.matchers.size(), 0.0)});
+    if (const Matchers::Problem problem = matchers.prepare(run.config);
+        problem.termination != Termination::kCompleted) {
+      result.termination = problem.termination;
+      result.message = problem.message.empty() ? "" : fmt::format("cell {} of {}: {}", i + 1, cells, problem.message);
+      return result;
+    }
     const std::vector<const Matcher*> all = matchers.all();
     result = run_trials(
         run, all, StopCondition(session.monitor(), session.seconds_left()),
@@ -192,10 +204,9 @@ int evaluate(Session& session, const EvaluateArguments& arguments) {
   e.seed = arguments.options.seed;
   e.trials = arguments.track.trials;
   e.config = to_json(*config);
-  bool good = true;
-  const TrackRunResult result = run_cells(session, arguments, *config, e, good);
+  const TrackRunResult result = run_cells(session, arguments, *config, e);
   session.release_memory();
-  if (!good) return kBadInput;
+  if (result.termination == Termination::kRefused && result.message.empty()) return kBadInput;  // was said
   if (result.termination != Termination::kCompleted) {
     session.error(result.message + "; the figures are those of the trials so far");
     e.notes.push_back("Not all trials were made: " + result.message);

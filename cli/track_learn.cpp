@@ -42,7 +42,7 @@ int learn(Session& session, const TrackLearnArguments& arguments) {
   training.how.method = arguments.method;
   const LearnedIdentity learned = learn_identity(training, session.monitor());
   if (learned.termination != Termination::kCompleted)
-    return session.error(learned.message), exit_code(learned.termination);
+    return finish_unlearned(session, "sherlog.track.learn/1", learned.termination, learned.message);
   session.release_memory();
   if (!session.write(arguments.output, learned.model)) return kInternalError;
   std::string text;
@@ -104,7 +104,7 @@ int learn_scenes(Session& session, const TrackLearnArguments& arguments) {
   if (!training) return kBadInput;
   const LearnedScenes learned = learn_from_scenes(*training, session.monitor());
   if (learned.termination != Termination::kCompleted)
-    return session.error(learned.message), exit_code(learned.termination);
+    return finish_unlearned(session, "sherlog.track.learn/1", learned.termination, learned.message);
   const std::string mapping = json_text(mapping_to_json(learned.mapping), 2) + "\n";
   if (!arguments.mapping_output.empty() && !session.write(arguments.mapping_output, mapping)) return kInternalError;
   if (!session.write(arguments.output, learned.model)) return kInternalError;

@@ -76,27 +76,18 @@ IdentityTraining identity_training(Session& session, const TrackOptions& options
 
 namespace {
 
-std::optional<LearnedIdentity> learn_for(Session& session, const TrackOptions& options,
-                                         const FourTablesConfig& config) {
-  const IdentityTraining training = identity_training(session, options, config);
-  LearnedIdentity learned = learn_identity(training, session.monitor());
-  if (learned.termination == Termination::kCompleted) return learned;
-  session.error(learned.message);
-  return std::nullopt;
-}
-
-std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& model_name, const TrackOptions& track,
-                                       const FourTablesConfig& config) {
+MadeMatcher make_resolver(Session& session, const std::string& model_name, const TrackOptions& track,
+                          const FourTablesConfig& config) {
   Diagnostics& diagnostics = session.diagnostics();
   std::optional<Model> model;
   Grading grading;
   if (model_name == "paper") {
     model = parse_model(paper_identity_model(), "paper", diagnostics);
   } else if (model_name == "learned") {
-    const auto learned = learn_for(session, track, config);
-    if (!learned) return nullptr;
-    model = parse_model(learned->model, "learned", diagnostics);
-    grading = learned->grading;
+    const LearnedIdentity learned = learn_identity(identity_training(session, track, config), session.monitor());
+    if (learned.termination != Termination::kCompleted) return {nullptr, learned.termination, learned.message};
+    model = parse_model(learned.model, "learned", diagnostics);
+    grading = learned.grading;
   } else {
     if (!session.reads(model_name)) return {};
     model = parse_model_file(model_name, diagnostics);
@@ -104,22 +95,30 @@ std::unique_ptr<Matcher> make_resolver(Session& session, const std::string& mode
     if (model && model->find_predicate("seesPlace")) grading = {Grading::Kind::kOdds, config.noise, config.noise};
   }
   session.print_diagnostics();
-  if (!model) return nullptr;
+  if (!model) return {};
   InferenceOptions options = session.inference_options();
   std::string problem;
   auto resolver = IdentityResolver::make(model_name, *std::move(model), grading, options, problem);
   if (!resolver) session.error(fmt::format("--model {}: {}", model_name, problem));
-  return resolver;
+  return {std::move(resolver)};
 }
 
 }  // namespace
 
-std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,
-                                      const TrackOptions& options, const FourTablesConfig& config) {
+MadeMatcher make_matcher(Session& session, const std::string& name, const std::string& model,
+                         const TrackOptions& options, const FourTablesConfig& config) {
   if (name == "mln") return make_resolver(session, model, options, config);
-  if (name == "generative") return generative_matcher(config);
-  if (name == "hungarian") return hungarian_matcher();
-  return nearest_neighbour_matcher();
+  if (name == "generative") return {generative_matcher(config)};
+  if (name == "hungarian") return {hungarian_matcher()};
+  return {nearest_neighbour_matcher()};
+}
+
+int finish_unlearned(Session& session, const char* schema, Termination termination, const std::string& message) {
+  if (message.empty()) return kBadInput;
+  session.error(message);
+  return session.finish(exit_code(termination), "", [&] {
+    return to_text(Json{{"schema", schema}, {"termination", to_string(termination)}, {"message", message}});
+  });
 }
 
 std::string share_text(const GroupedShare& share) {

@@ -34,10 +34,17 @@ std::optional<FourTablesConfig> read_config(Session& session, const TrackOptions
 // The names that --matcher knows: mln and the baselines.
 std::vector<std::string> matcher_names();
 const std::vector<std::string>& baseline_names();
-// One by its name, for that world; nothing after saying what is wrong.
-// `model`: of the matcher mln: paper, learned, or a file.
-std::unique_ptr<Matcher> make_matcher(Session& session, const std::string& name, const std::string& model,
-                                      const TrackOptions& options, const FourTablesConfig& config);
+// Nothing where the input is wrong, which was said; or where learning came to no end, which is left to say.
+struct MadeMatcher {
+  std::unique_ptr<Matcher> matcher;
+  Termination termination = Termination::kRefused;
+  std::string message = {};
+};
+// One by its name, for that world. `model`: of the matcher mln: paper, learned, or a file.
+MadeMatcher make_matcher(Session& session, const std::string& name, const std::string& model,
+                         const TrackOptions& options, const FourTablesConfig& config);
+// Without a result: says why, if that is left to say, with a document of that schema. The exit code.
+int finish_unlearned(Session& session, const char* schema, Termination termination, const std::string& message);
 // Training trials at the config's noise, with 1 to 5 actions, far from any seed that trials are evaluated on.
 IdentityTraining identity_training(Session& session, const TrackOptions& options, const FourTablesConfig& config);
 

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <fstream>
+#include <limits>
 #include <memory>
 
 #include "cli/scenes.h"
@@ -26,6 +27,8 @@ struct Showing {
   std::string model = "paper", mapping = "identity";
   std::string svg, html;
 };
+
+constexpr const char* kSchema = "sherlog.track.show/1";
 
 // A picture, or the exit code after saying what is wrong.
 struct Drawn {
@@ -102,8 +105,9 @@ Drawn draw_trial(Session& session, const Showing& showing) {
   if (!config) return {};
   const auto trial = dumped_trial(session, showing, *config);
   if (!trial) return {};
-  const auto matcher = make_matcher(session, "mln", showing.model, showing.track, trial->config);
-  const auto* resolver = dynamic_cast<const IdentityResolver*>(matcher.get());
+  const MadeMatcher made = make_matcher(session, "mln", showing.model, showing.track, trial->config);
+  if (!made.matcher) return {{}, "", finish_unlearned(session, kSchema, made.termination, made.message)};
+  const auto* resolver = dynamic_cast<const IdentityResolver*>(made.matcher.get());
   if (resolver == nullptr) return {};
   const IdentityResolver::Belief belief = resolver->believe(*trial);
   if (belief.termination != Termination::kCompleted)
@@ -154,8 +158,8 @@ Json matrix_json(const StepPicture& picture, const At& at) {
 }
 
 Json show_json(const StepPicture& picture, const std::string& method) {
-  Json json{{"schema", "sherlog.track.show/1"}, {"title", picture.title},   {"method", method},
-            {"old", picture.old_names},         {"new", picture.new_names}, {"out_of_view", picture.out_of_view}};
+  Json json{{"schema", kSchema},        {"title", picture.title},   {"method", method},
+            {"old", picture.old_names}, {"new", picture.new_names}, {"out_of_view", picture.out_of_view}};
   for (const StepPicture::Grades& grades : picture.grades) {
     json["grades"][grades.name] = matrix_json(
         picture, [&](std::size_t o, std::size_t n) { return grades.values[o * picture.new_names.size() + n]; });
@@ -198,7 +202,7 @@ int run_show(const Showing& showing) {
     if (!path.empty()) outputs.push_back(path);
   }
   if (!session.check_options(outputs)) return kBadInput;
-  return session.run("sherlog.track.show/1", [&] { return show(session, showing); });
+  return session.run(kSchema, [&] { return show(session, showing); });
 }
 
 }  // namespace
@@ -215,7 +219,9 @@ void add_track_show(CLI::App& track, Action& action) {
   command->add_option("--against", showing->against, "The old scene (default: the one before)")->type_name("ID");
   command->add_option("--dump", showing->dump, "Instead of a store: what `track simulate --dump` wrote")
       ->type_name("FILE");
-  command->add_option("--trial", showing->trial, "Which trial of it (default 0)")->type_name("N");
+  command->add_option("--trial", showing->trial, "Which trial of it (default 0)")
+      ->type_name("N")
+      ->check(whole_number(std::numeric_limits<std::uint64_t>::max()));
   add_world_file_options(*command, showing->track);
   command
       ->add_option("--model", showing->model,

@@ -14,6 +14,7 @@ namespace sherlog::e2e {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 using Json = nlohmann::json;
 
 std::vector<Json> lines_of(const std::string& text) {
@@ -177,6 +178,28 @@ TEST(TrackSimulate, ATimeLimitHandsOverWhatWasFound) {
   EXPECT_EQ(json["termination"], "time_limit");
   EXPECT_EQ(lines_of(scratch.read("d.jsonl")).size(), json["trials"]);
   EXPECT_LT(json["trials"].get<int>(), 100000);
+}
+
+// What the figures rest on is learned first: a limit that falls into it is a limit as any other.
+TEST(TrackEvaluate, LimitsWhileItLearnsAreLimits) {
+  const Scratch scratch;
+  for (const std::string command : {"simulate", "evaluate", "learn -o m.mln"}) {
+    const std::string line = "track " + command + " --training-trials 1000000 --json -";
+    const Outcome late = scratch.sherlog(line + " --max-seconds 0.05");
+    EXPECT_EQ(late.code, 4) << late.err;
+    EXPECT_EQ(Json::parse(late.out, nullptr, false)["termination"], "time_limit") << late.out;
+    const Outcome interrupted = scratch.shell("timeout --preserve-status -s INT 0.5 \"$S\" " + line);
+    EXPECT_EQ(interrupted.code, 130) << interrupted.err;
+    EXPECT_EQ(Json::parse(interrupted.out, nullptr, false)["termination"], "interrupted") << interrupted.out;
+  }
+  EXPECT_EQ(scratch.file_count(), 0u);
+}
+
+TEST(TrackEvaluate, NothingToCountIsNoRate) {
+  const Scratch scratch;
+  const Outcome outcome = scratch.sherlog("track evaluate --actions 0 --objects 0 --trials 3 --matchers nearest");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, Not(HasSubstr("+-")));
 }
 
 TEST(TrackEvaluate, WritesItsFiguresAndShowsThem) {
