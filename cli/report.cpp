@@ -251,6 +251,13 @@ std::vector<ConflictItem> conflict_items(const Model& model, const Evidence& evi
   return items;
 }
 
+std::vector<ConflictItem> conflict_items(const Contradiction& contradiction) {
+  if (contradiction.grounding) return conflict_items(*contradiction.grounding);
+  if (!contradiction.network) return {};
+  return conflict_items(*contradiction.model, contradiction.evidence, *contradiction.network,
+                        contradiction.constraints);
+}
+
 std::string conflict_text(const std::vector<ConflictItem>& conflict, const std::string& sentence) {
   std::string text = fmt::format("{}: error: {}\n", conflict.empty() ? "sherlog" : place_text(conflict.front()),
                                  sentence.empty() ? "no possible world" : sentence);

@@ -12,6 +12,7 @@
 #include "grounding/ground.h"
 #include "inference/explain.h"
 #include "inference/inference.h"
+#include "inference/standing_question.h"
 #include "mln/diagnostics.h"
 #include "mln/evidence.h"
 #include "mln/model.h"
@@ -53,6 +54,7 @@ std::string bound_formula_text(const Model& model, const Evidence& evidence, con
 std::vector<ConflictItem> conflict_items(const Conflict& conflict);
 std::vector<ConflictItem> conflict_items(const Model& model, const Evidence& evidence, const GroundNetwork& network,
                                          std::span<const std::uint32_t> constraints);
+std::vector<ConflictItem> conflict_items(const Contradiction& contradiction);
 // file:line:column: error: ... with one note for each item.
 std::string conflict_text(const std::vector<ConflictItem>& conflict, const std::string& sentence);
 Json conflict_json(const std::vector<ConflictItem>& conflict);

@@ -223,6 +223,7 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
                {"probability", Align::kRight},
                {"or else", Align::kLeft}});
   Json steps = Json::array();
+  std::vector<ConflictItem> conflict;
   Termination termination = Termination::kCompleted;
   keeper.know(tracker);
   std::uint64_t late = 0, done = 0;
@@ -239,7 +240,13 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
     const TrackingStep step = tracker.feed(scene, session.monitor());
     termination = step.termination;
     if (termination != Termination::kCompleted) {
-      session.error(fmt::format("{}: {}", scene.id, step.message));
+      const std::string words = fmt::format("{}: {}", scene.id, step.message);
+      if (step.contradiction) conflict = conflict_items(*step.contradiction);
+      if (conflict.empty()) {
+        session.error(words);
+      } else {
+        session.print_message(conflict_text(conflict, words));
+      }
       if (termination == Termination::kRefused &&
           scene.clusters.size() * tracker.objects().size() > resolving.tracker.most_pairs)
         session.error(
@@ -267,8 +274,11 @@ int resolve_scenes(Session& session, SceneStore& store, SceneTracker& tracker, c
   const auto counts = tracker.arbiter_counts();
   if (counts) text += arbiter_text(*counts);
   text += "\n" + table.text();
-  return session.finish(exit_code(termination), text,
-                        [&] { return to_text(resolve_json(tracker, termination, steps, late)); });
+  return session.finish(exit_code(termination), text, [&] {
+    Json json = resolve_json(tracker, termination, steps, late);
+    if (!conflict.empty()) json["conflict"] = conflict_json(conflict);
+    return to_text(json);
+  });
 }
 
 int run_resolve(Options options, const Resolving& resolving) {

@@ -80,6 +80,10 @@ Drawn draw_scenes(Session& session, const Showing& showing) {
   if (!scenes) return {};
   const auto& [before, now] = *scenes;
   const AssociationQuestion::Answer answer = question->ask(before.clusters, now, session.monitor());
+  if (answer.contradiction) {
+    session.print_message(conflict_text(conflict_items(*answer.contradiction), answer.message));
+    return {{}, answer.method, exit_code(answer.termination)};
+  }
   if (answer.termination != Termination::kCompleted)
     return session.error(answer.message), Drawn{{}, answer.method, exit_code(answer.termination)};
   return {picture_of(before, now, question->mapping(), answer.belief), answer.method, kDone};

@@ -25,7 +25,7 @@ StandingQuestion::StandingQuestion(Model model, std::vector<std::string> queries
   }
 }
 
-StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& monitor) const {
+StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& monitor, std::string_view method) const {
   Answer answer;
   const auto stop = [&](Termination termination, std::string message) {
     answer.termination = termination;
@@ -42,17 +42,29 @@ StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& m
   grounding.open_world = open_;
   grounding.max_memory = options_.max_memory;
   grounding.max_seconds = options_.max_seconds;
-  const GroundingResult ground_result = ground(model_, *answer.evidence, *query, grounding, monitor);
+  GroundingResult ground_result = ground(model_, *answer.evidence, *query, grounding, monitor);
   answer.ground_seconds = ground_result.seconds;
-  if (!ground_result.network) return stop(ground_result.termination, ground_result.message);
+  const auto contradict = [&](std::optional<Conflict> on_the_ground, std::optional<GroundNetwork> unmet,
+                              std::vector<std::uint32_t> constraints) {
+    answer.contradiction = std::make_shared<Contradiction>(
+        Contradiction{&model_, *answer.evidence, std::move(on_the_ground), std::move(unmet), std::move(constraints)});
+  };
+  if (!ground_result.network) {
+    std::string message = ground_result.message;
+    if (message.empty() && ground_result.conflict) message = ground_result.conflict->sentence;
+    if (ground_result.conflict) contradict(std::move(ground_result.conflict), std::nullopt, {});
+    return stop(ground_result.termination, std::move(message));
+  }
   const GroundNetwork& network = *ground_result.network;
   InferenceOptions options = options_;
+  if (!method.empty()) options.method = method;
   options.max_seconds = std::max(0.0, options_.max_seconds - ground_result.seconds);
   const InferenceResult result = infer(network, options, monitor);
   answer.infer_seconds = result.seconds;
   answer.method = result.method;
   if (result.termination != Termination::kCompleted || (result.marginals.empty() && !result.map)) {
     const bool nothing_asked = network.queries().empty() && result.termination == Termination::kCompleted;
+    if (result.termination == Termination::kNoPossibleWorld) contradict(std::nullopt, network, result.conflict);
     if (!nothing_asked) return stop(result.termination, result.message);
   }
   for (std::size_t q = 0; q < network.queries().size(); ++q) {

@@ -5,18 +5,29 @@
 // Errors    those of the model and the query when it is made; later each answer has a termination and a sentence.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "grounding/ground.h"
 #include "inference/inference.h"
 #include "mln/diagnostics.h"
 #include "mln/evidence.h"
 #include "mln/model.h"
 
 namespace sherlog {
+
+// What contradicts each other where no world is possible: found on the ground, or else constraints of the network, which are few.
+struct Contradiction {
+  const Model* model = nullptr;  // the question's
+  Evidence evidence;
+  std::optional<Conflict> grounding;
+  std::optional<GroundNetwork> network;
+  std::vector<std::uint32_t> constraints;
+};
 
 class StandingQuestion {
  public:
@@ -27,10 +38,11 @@ class StandingQuestion {
   };
   struct Answer {
     Termination termination = Termination::kCompleted;
-    std::string message;               // a sentence where not completed
-    std::string method;                // the one that ran
-    std::optional<Evidence> evidence;  // whose constants the arguments are
-    std::vector<Atom> atoms;           // the queried ones that the evidence does not decide
+    std::string message;                                 // a sentence where not completed
+    std::string method;                                  // the one that ran
+    std::optional<Evidence> evidence;                    // whose constants the arguments are
+    std::vector<Atom> atoms;                             // the queried ones that the evidence does not decide
+    std::shared_ptr<const Contradiction> contradiction;  // where kNoPossibleWorld
     double ground_seconds = 0.0, infer_seconds = 0.0;
   };
 
@@ -40,8 +52,8 @@ class StandingQuestion {
 
   const Model& model() const { return model_; }
   const InferenceOptions& options() const { return options_; }
-  // Can be called from several threads at a time. `evidence`: the text of one database.
-  Answer ask(std::string_view evidence, Monitor& monitor) const;
+  // Can be called from several threads at a time. `evidence`: the text of one database. `method`: "": that of the options.
+  Answer ask(std::string_view evidence, Monitor& monitor, std::string_view method = "") const;
 
  private:
   Model model_;

@@ -58,6 +58,10 @@ std::optional<std::array<ConstantIndex, 3>> explanation_constants(const Model& m
   return std::array<ConstantIndex, 3>{*found[0], *found[1], *found[2]};
 }
 
+std::string method_for(const InferenceOptions& inference, std::size_t olds, std::size_t news) {
+  return inference.method == "matching" && olds * news <= 1 ? "exact" : inference.method;
+}
+
 IdentityBelief belief_of(const StandingQuestion& question, const StandingQuestion::Answer& answer,
                          const std::array<std::string, 2>& prefixes, std::size_t first, std::size_t olds,
                          std::size_t news) {
@@ -133,8 +137,9 @@ AssociationQuestion::Answer AssociationQuestion::ask(std::span<const Cluster> ol
 
 AssociationQuestion::Answer AssociationQuestion::ask(const std::string& evidence, std::size_t olds, std::size_t news,
                                                      Monitor& monitor) const {
-  const StandingQuestion::Answer answer = question_->ask(evidence, monitor);
-  Answer out{answer.termination, answer.message, answer.method, evidence, {}};
+  const StandingQuestion::Answer answer =
+      question_->ask(evidence, monitor, method_for(question_->options(), olds, news));
+  Answer out{answer.termination, answer.message, answer.method, evidence, answer.contradiction, {}};
   if (answer.termination == Termination::kCompleted) {
     const std::array<std::string, 2> prefixes = {mapping_.old_clusters.prefix, mapping_.new_clusters.prefix};
     out.belief = belief_of(*question_, answer, prefixes, 0, olds, news);

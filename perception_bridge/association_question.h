@@ -32,7 +32,8 @@ class AssociationQuestion {
     Termination termination = Termination::kCompleted;
     std::string message;  // where not completed
     std::string method;
-    std::string evidence;  // the database that was asked
+    std::string evidence;                                // the database that was asked
+    std::shared_ptr<const Contradiction> contradiction;  // where kNoPossibleWorld; while the question lives
     IdentityBelief belief;
   };
   Answer ask(std::span<const Cluster> olds, const Scene& now, Monitor& monitor) const;
@@ -51,6 +52,9 @@ class AssociationQuestion {
 // The constants of is(old, new, explanation) that are stay, move and newview, upper and lower case alike. Nothing, and a sentence,
 // where `is` is of another form or has explanations besides these and `not`: nobody would know whether they mean the same object.
 std::optional<std::array<ConstantIndex, 3>> explanation_constants(const Model& model, std::string& problem);
+// The method for so many clusters. Where there is one pair at most no two of them exclude each other, and `matching` would see none:
+// such a matching is a small table, for `exact`.
+std::string method_for(const InferenceOptions& inference, std::size_t olds, std::size_t news);
 // What the model's atoms say of old and new clusters, which are `old_prefix`0, ... or 1, ... by `first`.
 IdentityBelief belief_of(const StandingQuestion& question, const StandingQuestion::Answer& answer,
                          const std::array<std::string, 2>& prefixes, std::size_t first, std::size_t olds,

@@ -160,7 +160,8 @@ IdentityResolver::Belief IdentityResolver::believe(const FourTablesTrial& trial)
   const std::string evidence = identity_evidence(trial, p.grading, p.with_sees_place);
   out.evidence_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Monitor quiet;
-  const StandingQuestion::Answer answer = p.question.ask(evidence, quiet);
+  const StandingQuestion::Answer answer = p.question.ask(
+      evidence, quiet, method_for(p.question.options(), trial.old_clusters.size(), trial.new_clusters.size()));
   out.termination = answer.termination;
   out.message = answer.message;
   out.method = answer.method;

@@ -137,6 +137,7 @@ std::optional<SceneTracker::Finding> SceneTracker::ask_model(const Scene& scene,
   step.termination = answer.termination;
   step.message = answer.message;
   step.method = answer.method;
+  step.contradiction = answer.contradiction;
   if (answer.termination != Termination::kCompleted) return std::nullopt;
   const IdentityBelief& belief = answer.belief;
   Finding finding;

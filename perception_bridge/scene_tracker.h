@@ -66,7 +66,8 @@ struct TrackingStep {
   std::vector<ClusterBelief> clusters;
   std::vector<std::string> disappeared, hidden;  // objects
   std::vector<Revision> revisions;
-  std::string evidence;  // the database that was asked, if any
+  std::string evidence;                                // the database that was asked, if any
+  std::shared_ptr<const Contradiction> contradiction;  // where no world is possible; while the tracker lives
   double seconds = 0;
 };
 

@@ -217,6 +217,44 @@ TEST_F(TrackResolve, NamesThatDifferInCaseOnlyAreTaken) {
   EXPECT_THAT(scratch_.sherlog("scenes export robot.db").out, HasSubstr("\"id\":\"Object-1\""));
 }
 
+TEST_F(TrackResolve, AContradictionIsNamed) {
+  std::ifstream in(SHERLOG_SOURCE_DIR "/models/identity_resolution/table1.mln");
+  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  ASSERT_FALSE(text.empty());
+  scratch_.write("never.mln", text + "\n!appear(n).\n");
+  import("robot.db", scene("noon", 0, {thing("c", 0, 0, kRed)}) + scene("later", 1, {thing("c", 0, 0, kRed)}));
+  for (const char* command : {"track resolve robot.db --model never.mln --json r.json",
+                              "track show robot.db --scene later --model always.mln"}) {
+    scratch_.write("always.mln", text + "\n!appear(n).\n!is(o, n, stay).\n!is(o, n, move).\n!is(o, n, newview).\n");
+    const Outcome outcome = scratch_.sherlog(command);
+    EXPECT_EQ(outcome.code, 3) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("note: hard formula: "));
+    EXPECT_THAT(outcome.err, HasSubstr("appear(N0)"));
+  }
+  const Json json = Json::parse(scratch_.read("r.json"), nullptr, false);
+  EXPECT_EQ(json["termination"], "no_possible_world");
+  EXPECT_FALSE(json["conflict"].empty());
+}
+
+// One pair, one row, one column or nothing old is a matching, too.
+TEST_F(TrackResolve, SmallMatchingsAreMatchings) {
+  import("robot.db", scene("s0", 0, {thing("a", 0, 0, kRed)}) + scene("s1", 1, {thing("a", 0, 0, kRed)}) +
+                         scene("s2", 2, {thing("a", 0, 0, kRed), thing("b", 1, 1, kBlue)}) +
+                         scene("s3", 3, {thing("b", 1, 1, kBlue)}) + scene("s4", 4, {}));
+  const Json exact = json("track resolve robot.db --dry-run --method exact");
+  const Json matching = json("track resolve robot.db --dry-run --method matching");
+  ASSERT_EQ(matching["steps"].size(), 5u);
+  for (std::size_t t = 0; t < 5; ++t) {
+    for (std::size_t n = 0; n < exact["steps"][t]["clusters"].size(); ++n) {
+      const Json &a = exact["steps"][t]["clusters"][n], &b = matching["steps"][t]["clusters"][n];
+      EXPECT_EQ(a["object"], b["object"]);
+      EXPECT_NEAR(a["probability"].get<double>(), b["probability"].get<double>(), 1e-9);
+    }
+  }
+  const Outcome trials = scratch_.sherlog("track simulate --method matching --model paper --trials 300 --objects 4");
+  EXPECT_EQ(trials.code, 0) << trials.err;
+}
+
 TEST_F(TrackResolve, TooManyPairsAreRefusedWithTheLimit) {
   std::vector<Json> many;
   for (int i = 0; i < 600; ++i) many.push_back({{"id", "c" + std::to_string(i)}});
