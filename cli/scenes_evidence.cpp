@@ -274,7 +274,7 @@ std::vector<LabelledPair> labelled_pairs(SceneStore& store, const SimilarityConf
     const auto identity = store.identity(id);
     if (!identity) break;
     for (const Sighting& sighting : identity->sightings) {
-      if (sighting.probability >= kSure) owner[{sighting.scene, sighting.cluster}] = id;
+      if (sighting.probability.value_or(1) >= kSure) owner[{sighting.scene, sighting.cluster}] = id;
     }
   }
   std::vector<LabelledPair> pairs;

@@ -59,18 +59,21 @@ Json step_json(const TrackingStep& step) {
   return json;
 }
 
+std::string probability_text(const std::optional<double>& probability) {
+  return probability ? fmt::format("{:.3f}", *probability) : "";
+}
+
 void add_step(Table& table, const TrackingStep& step) {
   std::string scene = step.scene;
   for (const TrackingStep::ClusterBelief& entry : step.clusters) {
     std::string others;
     for (const auto& other : entry.others)
       others += fmt::format("{}{} {:.3f}", others.empty() ? "" : ", ", other.object, other.probability);
-    table.add_row(
-        {scene, entry.cluster, entry.object, entry.explanation, fmt::format("{:.3f}", entry.probability), others});
+    table.add_row({scene, entry.cluster, entry.object, entry.explanation, probability_text(entry.probability), others});
     scene.clear();
   }
   for (const auto& revision : step.revisions) {
-    table.add_row({scene, "", revision.is, "instead", fmt::format("{:.3f}", revision.probability),
+    table.add_row({scene, "", revision.is, "instead", probability_text(revision.probability),
                    fmt::format("of {} for {} in {}", revision.was, revision.cluster, revision.scene)});
     scene.clear();
   }

@@ -67,6 +67,7 @@ StandingQuestion::Answer StandingQuestion::ask(std::string_view text, Monitor& m
     if (result.termination == Termination::kNoPossibleWorld) contradict(std::nullopt, network, result.conflict);
     if (!nothing_asked) return stop(result.termination, result.message);
   }
+  answer.is_world = result.map.has_value();
   for (std::size_t q = 0; q < network.queries().size(); ++q) {
     const Literal literal = network.queries()[q].literal;
     const AtomId atom = literal.atom();

@@ -43,6 +43,7 @@ class StandingQuestion {
     std::optional<Evidence> evidence;                    // whose constants the arguments are
     std::vector<Atom> atoms;                             // the queried ones that the evidence does not decide
     std::shared_ptr<const Contradiction> contradiction;  // where kNoPossibleWorld
+    bool is_world = false;  // the atoms are those of the most probable world: 1 and 0 are no probabilities
     double ground_seconds = 0.0, infer_seconds = 0.0;
   };
 

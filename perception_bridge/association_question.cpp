@@ -139,7 +139,7 @@ AssociationQuestion::Answer AssociationQuestion::ask(const std::string& evidence
                                                      Monitor& monitor) const {
   const StandingQuestion::Answer answer =
       question_->ask(evidence, monitor, method_for(question_->options(), olds, news));
-  Answer out{answer.termination, answer.message, answer.method, evidence, answer.contradiction, {}};
+  Answer out{answer.termination, answer.message, answer.method, evidence, answer.contradiction, {}, answer.is_world};
   if (answer.termination == Termination::kCompleted) {
     const std::array<std::string, 2> prefixes = {mapping_.old_clusters.prefix, mapping_.new_clusters.prefix};
     out.belief = belief_of(*question_, answer, prefixes, 0, olds, news);

@@ -35,6 +35,7 @@ class AssociationQuestion {
     std::string evidence;                                // the database that was asked
     std::shared_ptr<const Contradiction> contradiction;  // where kNoPossibleWorld; while the question lives
     IdentityBelief belief;
+    bool is_world = false;  // the belief is the most probable world: its 1 and 0 are no probabilities
   };
   Answer ask(std::span<const Cluster> olds, const Scene& now, Monitor& monitor) const;
   // Of a database in words of the model; `olds`, `news`: how many of the mapping's clusters (O0, O1, ...) it speaks of.

@@ -27,10 +27,10 @@ Value identity_record(const Identity& identity) {
   object.insert(object.end(), identity.other.begin(), identity.other.end());
   Value::List sightings;
   for (const Sighting& sighting : identity.sightings) {
-    sightings.emplace_back(Value::Object{{"scene", Value(sighting.scene)},
-                                         {"cluster", Value(sighting.cluster)},
-                                         {"probability", Value(sighting.probability)},
-                                         {"explanation", Value(sighting.explanation)}});
+    Value::Object entry = {{"scene", Value(sighting.scene)}, {"cluster", Value(sighting.cluster)}};
+    if (sighting.probability) entry.emplace_back("probability", Value(*sighting.probability));
+    entry.emplace_back("explanation", Value(sighting.explanation));
+    sightings.emplace_back(std::move(entry));
   }
   object.emplace_back("sightings", Value(std::move(sightings)));
   return line;

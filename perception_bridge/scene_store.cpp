@@ -460,7 +460,7 @@ std::optional<Identity> SceneStore::identity(std::string_view id) {
   sightings.bind(row);
   while (sightings.step()) {
     identity.sightings.push_back(
-        {sightings.text(0), sightings.text(1), sightings.real(2), sightings.real(3), sightings.text(4)});
+        {sightings.text(0), sightings.text(1), sightings.real(2), sightings.maybe_real(3), sightings.text(4)});
   }
   return identity;
 }

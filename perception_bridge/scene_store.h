@@ -27,7 +27,7 @@
 
 namespace sherlog {
 
-inline constexpr std::int64_t kStoreVersion = 2;
+inline constexpr std::int64_t kStoreVersion = 3;
 
 // Scenes with from <= time <= to, in the order of time.
 struct SceneFilter {
@@ -59,9 +59,9 @@ struct StoredBelief {
 // One cluster taken for one identity.
 struct Sighting {
   std::string scene, cluster;
-  double time = 0;  // of the scene; filled by the store
-  double probability = 1;
-  std::string explanation = {};  // stay, move, newview, appear
+  double time = 0;                                   // of the scene; filled by the store
+  std::optional<double> probability = std::nullopt;  // where it is known
+  std::string explanation = {};                      // stay, move, newview, appear
 };
 
 // An object that lasts; the fields of RoboSherlock's rs.scene.Object.

@@ -112,7 +112,7 @@ std::optional<SceneTracker::Finding> SceneTracker::arbitrate(const Scene& scene,
   if (judgement.verdict != Verdict::kAgreed) return std::nullopt;
   step.method = "arbiter";
   Finding finding;
-  finding.probability = std::move(judgement.probability);
+  finding.probability.assign(judgement.probability.begin(), judgement.probability.end());
   finding.open.assign(scene.clusters.size(), false);
   finding.others.resize(scene.clusters.size());
   finding.resolution.association.resize(scene.clusters.size());
@@ -144,7 +144,8 @@ std::optional<SceneTracker::Finding> SceneTracker::ask_model(const Scene& scene,
   finding.resolution = decide(belief, candidates.out_of_view);
   for (std::size_t n = 0; n < scene.clusters.size(); ++n) {
     const auto match = finding.resolution.association[n];
-    finding.probability.push_back(std::clamp(match ? belief.same(*match, n) : belief.appeared(n), 0.0, 1.0));
+    const double probability = std::clamp(match ? belief.same(*match, n) : belief.appeared(n), 0.0, 1.0);
+    finding.probability.push_back(answer.is_world ? std::nullopt : std::optional(probability));
     finding.others.emplace_back();
     double rival = match ? belief.appeared(n) : 0;
     for (std::size_t o = 0; o < candidates.objects.size(); ++o) {
@@ -152,13 +153,13 @@ std::optional<SceneTracker::Finding> SceneTracker::ask_model(const Scene& scene,
       rival = std::max(rival, belief.same(o, n));
       if (belief.same(o, n) >= kWorthNaming) finding.others.back().push_back({candidates.names[o], belief.same(o, n)});
     }
-    finding.open.push_back(rival > kWorthNaming && is_open(finding.probability.back(), rival));
+    finding.open.push_back(rival > kWorthNaming && is_open(probability, rival));
   }
   return finding;
 }
 
 void SceneTracker::take_known(const Scene& scene, const Cluster& cluster, TrackedObject& object,
-                              const std::string& explanation, double probability, bool open) {
+                              const std::string& explanation, std::optional<double> probability, bool open) {
   object.identity.last_seen = scene.timestamp;
   object.identity.sightings.push_back({scene.id, cluster.id, scene.timestamp, probability, explanation});
   // What is said of an object must not be said of a cluster that may be another one.
@@ -166,7 +167,7 @@ void SceneTracker::take_known(const Scene& scene, const Cluster& cluster, Tracke
   if (open && arbiter_) arbiter_->forget(object.identity.id);
 }
 
-TrackedObject& SceneTracker::take_new(const Scene& scene, const Cluster& cluster, double probability) {
+TrackedObject& SceneTracker::take_new(const Scene& scene, const Cluster& cluster, std::optional<double> probability) {
   TrackedObject object;
   object.identity.id = new_name();
   object.identity.last_seen = scene.timestamp;

@@ -44,9 +44,10 @@ struct TrackingStep {
   };
   struct ClusterBelief {
     std::string cluster;
-    std::string object;             // the one that it is taken for
-    std::string explanation;        // stay, move, newview, appear
-    double probability = 0;         // of being that object; of having appeared
+    std::string object;       // the one that it is taken for
+    std::string explanation;  // stay, move, newview, appear
+    std::optional<double> probability =
+        {};                         // of being that object; of having appeared; nothing of the most probable world
     std::vector<Candidate> others;  // that it could be as well, with at least 1 %
     // With an arbiter: the trackers that had a say, and which of its own tracks each would have continued (none: a new one).
     std::vector<std::pair<std::string, std::optional<Tracker::TrackId>>> votes = {};
@@ -55,7 +56,7 @@ struct TrackingStep {
   struct Revision {
     std::string scene, cluster;
     std::string was, is;
-    double probability = 0;
+    std::optional<double> probability = {};
   };
   std::string scene;
   Termination termination = Termination::kCompleted;
@@ -122,7 +123,7 @@ class SceneTracker {
   // What is what, whoever said so.
   struct Finding {
     Resolution resolution;
-    std::vector<double> probability;                                // by cluster
+    std::vector<std::optional<double>> probability;                 // by cluster
     std::vector<bool> open;                                         // by cluster
     std::vector<std::vector<TrackingStep::Candidate>> others = {};  // by cluster
   };
@@ -136,8 +137,8 @@ class SceneTracker {
   bool is_open(double probability, double rival) const { return rival >= options_.rival * probability; }
   TrackedObject* find_object(const std::string& name);
   void take_known(const Scene& scene, const Cluster& cluster, TrackedObject& object, const std::string& explanation,
-                  double probability, bool open);
-  TrackedObject& take_new(const Scene& scene, const Cluster& cluster, double probability);
+                  std::optional<double> probability, bool open);
+  TrackedObject& take_new(const Scene& scene, const Cluster& cluster, std::optional<double> probability);
   void mark_unseen(const Candidates& candidates, const Finding& finding, const std::vector<bool>& seen,
                    TrackingStep& step);
 

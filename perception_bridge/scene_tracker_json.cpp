@@ -21,11 +21,10 @@ Value step_to_json(const TrackingStep& step) {
     for (const TrackingStep::Candidate& other : entry.others) {
       others.emplace_back(Value::Object{{"object", Value(other.object)}, {"probability", Value(other.probability)}});
     }
-    Value::Object cluster = {{"cluster", Value(entry.cluster)},
-                             {"object", Value(entry.object)},
-                             {"explanation", Value(entry.explanation)},
-                             {"probability", Value(entry.probability)},
-                             {"others", Value(std::move(others))}};
+    Value::Object cluster = {
+        {"cluster", Value(entry.cluster)}, {"object", Value(entry.object)}, {"explanation", Value(entry.explanation)}};
+    if (entry.probability) cluster.emplace_back("probability", Value(*entry.probability));
+    cluster.emplace_back("others", Value(std::move(others)));
     if (step.verdict) {
       Value::Object votes;
       for (const auto& [tracker, track] : entry.votes) votes.emplace_back(tracker, track ? Value(*track) : Value());
@@ -42,11 +41,12 @@ Value step_to_json(const TrackingStep& step) {
   if (!step.revisions.empty()) {
     Value::List revisions;
     for (const TrackingStep::Revision& revision : step.revisions) {
-      revisions.emplace_back(Value::Object{{"scene", Value(revision.scene)},
-                                           {"cluster", Value(revision.cluster)},
-                                           {"was", Value(revision.was)},
-                                           {"is", Value(revision.is)},
-                                           {"probability", Value(revision.probability)}});
+      Value::Object entry = {{"scene", Value(revision.scene)},
+                             {"cluster", Value(revision.cluster)},
+                             {"was", Value(revision.was)},
+                             {"is", Value(revision.is)}};
+      if (revision.probability) entry.emplace_back("probability", Value(*revision.probability));
+      revisions.emplace_back(std::move(entry));
     }
     document.emplace_back("revisions", Value(std::move(revisions)));
   }

@@ -14,14 +14,14 @@ namespace sherlog {
 // The question of an earlier scene, asked again.
 struct SceneTracker::Answered {
   Resolution resolution;
-  std::vector<double> probability;  // by cluster
-  std::vector<bool> open;           // by cluster
+  std::vector<std::optional<double>> probability;  // by cluster; nothing of the most probable world
+  std::vector<bool> open;                          // by cluster
 };
 
 struct SceneTracker::Change {
   std::size_t cluster = 0;
   std::string was, is;  // `is` empty: a new object
-  double probability = 0;
+  std::optional<double> probability;
   std::string explanation;
 };
 
@@ -35,12 +35,13 @@ struct SceneTracker::Tail {
 namespace {
 
 Value revision_record(const TrackingStep::Revision& revision, const std::string& decided_by) {
-  return Value(Value::Object{{"scene", Value(revision.scene)},
-                             {"cluster", Value(revision.cluster)},
-                             {"was", Value(revision.was)},
-                             {"is", Value(revision.is)},
-                             {"decidedBy", Value(decided_by)},
-                             {"probability", Value(revision.probability)}});
+  Value::Object record = {{"scene", Value(revision.scene)},
+                          {"cluster", Value(revision.cluster)},
+                          {"was", Value(revision.was)},
+                          {"is", Value(revision.is)},
+                          {"decidedBy", Value(decided_by)}};
+  if (revision.probability) record.emplace_back("probability", Value(*revision.probability));
+  return Value(std::move(record));
 }
 
 void keep_record(Identity& identity, const Value& record) {
@@ -251,13 +252,14 @@ void SceneTracker::reconsider(const Scene& scene, TrackingStep& step, Monitor& m
       for (std::size_t o = 0; o < olds.size(); ++o) {
         if (!match || *match != o) rival = std::max(rival, answer.belief.same(o, n));
       }
-      answered.probability.push_back(
-          std::clamp(match ? answer.belief.same(*match, n) : answer.belief.appeared(n), 0.0, 1.0));
-      answered.open.push_back(is_open(answered.probability.back(), rival));
+      const double probability =
+          std::clamp(match ? answer.belief.same(*match, n) : answer.belief.appeared(n), 0.0, 1.0);
+      answered.probability.push_back(answer.is_world ? std::nullopt : std::optional(probability));
+      answered.open.push_back(is_open(probability, rival));
     }
     const std::vector<Change> changes = changes_by(question, answered);
     for (const Change& change : changes)
-      clear = clear && !answered.open[change.cluster] && change.probability >= options_.settled;
+      clear = clear && !answered.open[change.cluster] && change.probability.value_or(1) >= options_.settled;
     if (!clear || !possible(question, changes)) continue;
     if (!changes.empty()) revise(position, changes, scene, step);
     settle(question, answered);

@@ -60,6 +60,17 @@ CREATE TABLE sightings(
   PRIMARY KEY(identity, time, cluster)) WITHOUT ROWID;
 CREATE INDEX sightings_by_cluster ON sightings(cluster);
 )sql",
+    // A sighting of the most probable world has no probability.
+    R"sql(
+CREATE TABLE sightings_3(
+  identity INTEGER NOT NULL REFERENCES identities(id) ON DELETE CASCADE, time REAL NOT NULL,
+  cluster INTEGER NOT NULL REFERENCES clusters(id) ON DELETE CASCADE, probability REAL, explanation TEXT NOT NULL,
+  PRIMARY KEY(identity, time, cluster)) WITHOUT ROWID;
+INSERT INTO sightings_3 SELECT identity, time, cluster, probability, explanation FROM sightings;
+DROP TABLE sightings;
+ALTER TABLE sightings_3 RENAME TO sightings;
+CREATE INDEX sightings_by_cluster ON sightings(cluster);
+)sql",
 };
 
 // Inside a transaction that holds the lock: another program may have been faster.

@@ -255,6 +255,22 @@ TEST_F(TrackResolve, SmallMatchingsAreMatchings) {
   EXPECT_EQ(trials.code, 0) << trials.err;
 }
 
+// One world says what is most probable, and not how probable it is.
+TEST_F(TrackResolve, TheMostProbableWorldHasNoProbabilities) {
+  import("robot.db", scene("s0", 0, {thing("a", 0, 0, kRed)}) + scene("s1", 1, {thing("a", 0, 0, kRed)}));
+  const Json run = json("track resolve robot.db --method map");
+  for (const Json& step : run["steps"]) {
+    ASSERT_EQ(step["clusters"].size(), 1u);
+    EXPECT_EQ(step["clusters"][0]["object"], "object-1");
+    EXPECT_FALSE(step["clusters"][0].contains("probability")) << step;
+  }
+  const std::string exported = scratch_.sherlog("scenes export robot.db").out;
+  EXPECT_THAT(exported, Not(HasSubstr("probability")));
+  import("again.db", exported);
+  EXPECT_EQ(scratch_.sherlog("scenes export again.db").out, exported);
+  EXPECT_FALSE(json("scenes where robot.db object-1")["found"][0].contains("confidence"));
+}
+
 TEST_F(TrackResolve, TooManyPairsAreRefusedWithTheLimit) {
   std::vector<Json> many;
   for (int i = 0; i < 600; ++i) many.push_back({{"id", "c" + std::to_string(i)}});

@@ -185,6 +185,22 @@ TEST_F(SceneStoreFile, AnOlderSchemaIsBroughtUpToDateWithItsScenes) {
   EXPECT_EQ(store.evidence("old", "m"), "x");
 }
 
+TEST_F(SceneStoreFile, SightingsKeepTheirProbabilitiesFromVersion2On) {
+  run_sql(store_schema(2) +
+          "INSERT INTO scenes(name, time, place, layout) VALUES ('old', 7, '', 2);"
+          "INSERT INTO clusters(scene, name, scene_time, place) VALUES (1, 'c0', 7, 'table');"
+          "INSERT INTO identities(name, last_seen, was_seen, in_view, disappeared) VALUES ('cup', 7, 1, 1, 0);"
+          "INSERT INTO sightings VALUES (1, 7, 1, 0.5, 'appear');");
+  SceneStore store = open();
+  Identity cup = *store.identity("cup");
+  ASSERT_THAT(cup.sightings, SizeIs(1));
+  EXPECT_EQ(cup.sightings[0].probability, 0.5);
+  cup.sightings[0].probability.reset();
+  EXPECT_TRUE(store.add(cup)) << store.problem();
+  EXPECT_EQ(store.identity("cup")->sightings[0].probability, std::nullopt);
+  EXPECT_TRUE(store.check().empty());
+}
+
 TEST_F(SceneStoreFile, ANewerSchemaIsRefused) {
   open();
   run_sql("PRAGMA user_version = 99");

@@ -223,7 +223,7 @@ TEST(OpenQuestion, AnUnclearSightingKeepsItsAlternatives) {
   const OpenQuestion& question = tracker.open_questions()[0];
   EXPECT_THAT(question.open, ElementsAre(true, true));
   EXPECT_EQ(question.scene.id, "s1");
-  EXPECT_NEAR(step.clusters[0].probability, step.clusters[0].others.at(0).probability, 1e-6);
+  EXPECT_NEAR(*step.clusters[0].probability, step.clusters[0].others.at(0).probability, 1e-6);
   EXPECT_THAT(names_in(step), UnorderedElementsAre(names[0], names[1]));
   // Nobody knows which mark is where.
   for (const TrackedObject& object : tracker.objects())
@@ -308,7 +308,7 @@ TEST(OpenQuestion, WhatSeemedNewIsFoundToBeAnOldThing) {
   later.hash = before.hash;
   fed(tracker, scene_of(0, {before}));
   const TrackingStep unclear = fed(tracker, scene_of(1, {after}));
-  ASSERT_THAT(tracker.open_questions(), SizeIs(1)) << unclear.clusters[0].probability;
+  ASSERT_THAT(tracker.open_questions(), SizeIs(1)) << *unclear.clusters[0].probability;
   ASSERT_EQ(unclear.clusters[0].object, "object-2");
   const TrackingStep step = fed(tracker, scene_of(2, {later}));
   EXPECT_THAT(step.clusters[0].object, "object-1");
@@ -326,7 +326,7 @@ TEST(OpenQuestion, WhatSeemedOldIsFoundToBeNew) {
   later.hash = "ffff";
   fed(tracker, scene_of(0, {before}));
   const TrackingStep unclear = fed(tracker, scene_of(1, {after}));
-  ASSERT_THAT(tracker.open_questions(), SizeIs(1)) << unclear.clusters[0].probability;
+  ASSERT_THAT(tracker.open_questions(), SizeIs(1)) << *unclear.clusters[0].probability;
   ASSERT_EQ(unclear.clusters[0].object, "object-1");
   const TrackingStep step = fed(tracker, scene_of(2, {later}));
   EXPECT_THAT(step.clusters[0].object, "object-2");
