@@ -178,7 +178,9 @@ std::optional<Value> infer_belief(Session& session, const Model& model, const st
 int reprocess_scenes(Session& session, const Observing& observing, const EvidenceMapping& mapping, SceneStore& store) {
   std::optional<Model> model;
   std::optional<GroundingOptions> grounding;
-  if (!session.options().models.empty()) {
+  if (session.options().models.empty()) {
+    if (!session.options().queries.empty()) return session.error("--query needs a --model"), kBadInput;
+  } else {
     if (session.options().queries.empty()) return session.error("--model needs a --query"), kBadInput;
     model = session.read_model();
     if (model) grounding = session.grounding_options(*model);

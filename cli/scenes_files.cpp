@@ -110,10 +110,12 @@ void say_problems(Session& session, const std::string& file, const ImportResult&
 ImportResult import_file(SceneStore& store, const std::string& file, const ImportOptions& options, Session& session) {
   if (file == "-") return import_lines(store, std::cin, options, session.monitor());
   std::ifstream in(file, std::ios::binary);
-  if (!in.is_open()) {
+  std::error_code ignored;
+  const bool is_directory = std::filesystem::is_directory(file, ignored);
+  if (!in.is_open() || is_directory) {
     ImportResult result;
     result.termination = Termination::kRefused;
-    result.failure = fmt::format("cannot read '{}'", file);
+    result.failure = fmt::format("cannot read '{}'{}", file, is_directory ? ": it is a directory" : "");
     return result;
   }
   return import_lines(store, in, options, session.monitor());

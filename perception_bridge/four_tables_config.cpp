@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "perception_bridge/four_tables.h"
+#include "perception_bridge/value.h"
 
 namespace sherlog {
 namespace {
@@ -84,6 +85,8 @@ std::string validate(const FourTablesConfig& config) {
 }
 
 std::string read_config(std::string_view json, FourTablesConfig& config) {
+  std::string problem;
+  if (!parse_json(json, problem)) return problem;  // which refuses keys that appear twice
   Json document;
   try {
     document = Json::parse(json);
@@ -93,9 +96,11 @@ std::string read_config(std::string_view json, FourTablesConfig& config) {
   if (!document.is_object()) return "expected a JSON object";
   FourTablesConfig read = config;
   for (const auto& [name, value] : document.items()) {
-    if (std::string problem = read_member(name, value, read); !problem.empty()) return problem;
+    problem = read_member(name, value, read);
+    if (!problem.empty()) return problem;
   }
-  if (std::string problem = validate(read); !problem.empty()) return problem;
+  problem = validate(read);
+  if (!problem.empty()) return problem;
   config = read;
   return {};
 }

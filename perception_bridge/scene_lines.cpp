@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <unordered_set>
@@ -327,7 +328,12 @@ class Importer {
     sighting.cluster = text_of(item, "cluster");
     if (const Value* value = item.find("probability")) sighting.probability = value->number().value_or(-1);
     if (item.find("explanation") != nullptr) sighting.explanation = text_of(item, "explanation");
-    if (!(sighting.probability >= 0 && sighting.probability <= 1)) {
+    constexpr std::array<std::string_view, 5> kExplanations = {"", "stay", "move", "newview", "appear"};
+    if (std::ranges::find(kExplanations, sighting.explanation) == kExplanations.end()) {
+      errors_.push_back(fmt::format("a sighting's 'explanation' is '{}', and none of stay, move, newview, appear",
+                                    sighting.explanation));
+    }
+    if (sighting.probability && !(*sighting.probability >= 0 && *sighting.probability <= 1)) {
       errors_.emplace_back("a sighting's 'probability' is not in [0, 1]");
     }
     return sighting;

@@ -280,6 +280,17 @@ TEST_F(SceneStoreBadInput, NoResultTakesThePlaceOfWhatIsRead) {
   EXPECT_EQ(scratch_.sherlog("scenes export robot.db -o first.jsonl").code, 0) << "what nobody reads can be replaced";
 }
 
+TEST_F(SceneStoreBadInput, WhatWouldBeIgnoredIsSaid) {
+  refused("scenes import robot.db .", "cannot read '.': it is a directory");
+  refused("scenes reprocess robot.db -q object", "--query needs a --model");
+  scratch_.write("twice.json", R"({"tables": 4, "tables": 3})");
+  refused("track simulate --trials 1 --config twice.json", "twice.json: ");
+  refused("track show --dump good.jsonl --trial -1", "expected a whole number");
+  bad_line(
+      R"({"sherlog.record":"identity","id":"cup","sightings":[{"scene":"first","cluster":"c","explanation":"foo"}]})",
+      "a sighting's 'explanation' is 'foo'");
+}
+
 // Text that was read off a label has line breaks.
 TEST_F(SceneStoreBadInput, EvidenceCanBeReadBackWhateverTheAnnotatorsWrote) {
   scratch_.write("m.mln",

@@ -121,6 +121,17 @@ TEST(StepPicture, EscapesNamesAndDrawsEmptySteps) {
   }
 }
 
+// XML has no word for most control characters, not even an escaped one.
+TEST(StepPicture, ControlCharactersAreReplaced) {
+  StepPicture picture;
+  picture.title =
+      "a\x01"
+      "b";
+  EXPECT_THAT(step_svg(picture), testing::AllOf(HasSubstr("a\xEF\xBF\xBD"
+                                                          "b"),
+                                                Not(HasSubstr("\x01"))));
+}
+
 TEST(StepPicture, OfAHundredOldClustersIsAPicture) {
   StepPicture step;
   step.belief = IdentityBelief(100, 30);
