@@ -82,7 +82,7 @@ std::string belief_rows(const Scene& scene, const TrackingStep& step, const std:
     const auto cluster = std::ranges::find(scene.clusters, belief.cluster, &Cluster::id);
     rows += fmt::format(
         "<tr><td>{}<td>{}<td>{}<td>{:.2f}<td>{}<td>{}<td>{}<td>{}{}</tr>\n", belief.cluster, belief.object,
-        belief.explanation, belief.probability, first(*cluster, "rs.annotation.Shape", "shape"),
+        belief.explanation, belief.probability.value_or(0), first(*cluster, "rs.annotation.Shape", "shape"),
         first(*cluster, "rs.annotation.SemanticSize", "size"), first(*cluster, "rs.annotation.SemanticColor", "color"),
         first(*cluster, "rs.annotation.Classification", "classname"),
         names.empty() ? "" : "<td>" + (names.contains(belief.cluster) ? names.at(belief.cluster) : "nothing"));
