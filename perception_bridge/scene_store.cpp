@@ -266,10 +266,12 @@ bool SceneStore::add(const Identity& identity) {
           fmt::format("the store has an identity '{}', and '{}' differs from it in upper and lower case only", *stored,
                       identity.id));
     }
-    if (stored) remove_identity(identity.id);
+    // One that is stored again keeps its place among the others.
     database_
         ->statement(
-            "INSERT INTO identities(name, last_seen, was_seen, in_view, disappeared, other) VALUES (?, ?, ?, ?, ?, ?)")
+            "INSERT INTO identities(name, last_seen, was_seen, in_view, disappeared, other) VALUES (?, ?, ?, ?, ?, ?) "
+            "ON CONFLICT(name) DO UPDATE SET last_seen = excluded.last_seen, was_seen = excluded.was_seen, "
+            "in_view = excluded.in_view, disappeared = excluded.disappeared, other = excluded.other")
         .bind(std::string_view(identity.id))
         .bind(identity.last_seen)
         .bind(std::int64_t{identity.was_seen})
@@ -277,7 +279,10 @@ bool SceneStore::add(const Identity& identity) {
         .bind(std::int64_t{identity.disappeared})
         .bind(other_text(identity.other))
         .run();
-    const std::int64_t row = database_->last_row();
+    SqlStatement& query = database_->statement("SELECT id FROM identities WHERE name = ?");
+    const std::int64_t row = query.bind(std::string_view(identity.id)).step() ? query.whole(0) : 0;
+    query.reset();
+    database_->statement("DELETE FROM sightings WHERE identity = ?").bind(row).run();
     for (const Sighting& sighting : identity.sightings) {
       const auto scene = scene_row(sighting.scene);
       const auto cluster = scene ? cluster_row(*scene, sighting.cluster) : std::nullopt;

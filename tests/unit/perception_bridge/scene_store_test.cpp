@@ -201,6 +201,12 @@ TEST_F(SceneStoreFile, SightingsKeepTheirProbabilitiesFromVersion2On) {
   EXPECT_TRUE(store.check().empty());
 }
 
+TEST_F(SceneStoreFile, AnIdentityThatIsStoredAgainKeepsItsPlace) {
+  SceneStore store = open();
+  for (const char* id : {"cup", "plate", "cup"}) EXPECT_TRUE(store.add(Identity{.id = id}));
+  EXPECT_EQ(store.identities(), (std::vector<std::string>{"cup", "plate"}));
+}
+
 TEST_F(SceneStoreFile, ANewerSchemaIsRefused) {
   open();
   run_sql("PRAGMA user_version = 99");
