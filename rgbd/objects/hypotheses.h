@@ -5,8 +5,8 @@
 //           hypotheses as well. And where two things touch, depth makes one of them; parts of one piece with different
 //           colours that both stand on the table are two. So the result has at least what each way alone has.
 //           What is a wall at the table's edge, and what is behind it, is no thing either: an upright plane with all of the
-//           table on one side. What comes from beyond the table's edge (an arm) and what does not reach down to it (what an arm holds) is
-//           no thing on the table. It is counted, so that one may wait until nobody reaches over it.
+//           table on one side. What comes from beyond the table's edge (an arm) and what one can look through below (what an arm
+//           holds) is no thing on the table. It is counted, so that one may wait until nobody reaches over it.
 // Source    Beetz et al., RoboSherlock, ICRA 2015, section 4 and 8 (table-top and colour segmentation; "flat objects")
 // Cost      O(pixels)
 #pragma once
@@ -37,8 +37,9 @@ struct HypothesisOptions {
   double most_height = 0.5;
   double gap = 0.015;          // between neighbours of one piece, metres; and errors of depth
   double least_area = 0.0004;  // square metres of surface that is seen
-  double hover = 0.03;         // what ends so far above the table does not stand on it
-  double beyond = 0.15;  // share outside of the outline that makes it reach in; 0.01 where the picture cuts it off
+  double hover = 0.03;         // what is lower somewhere stands on the table
+  double beyond = 0.15;    // share outside of the outline that makes it reach in; 0.01 where the picture cuts it off
+  double overhang = 0.05;  // but not if it is on the table otherwise, and nowhere farther outside
   float colour_distance = 16;  // from the table's colour, in the a b plane of Lab with half of L
   float split_distance = 28;   // between colours of two things that touch
   double least_part = 0.12;    // share of a piece that may be a thing of its own

@@ -172,6 +172,47 @@ double lying_likeness(const std::vector<Vector3f>& points, const Box& box, doubl
   return round > 0.75 && round > boxy + 0.1 ? round : 0;
 }
 
+struct BallFit {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  double radius = 0;
+  double inliers = 0;  // share of the points; 0: it is no ball that lies on the table
+};
+
+// |p|^2 = 2 c.p + k, weighted anew by how far each is off (Cauchy's weights).
+BallFit fit_ball(const std::vector<Vector3f>& points, double height, double tolerance) {
+  constexpr std::size_t kEnough = 2000;
+  const std::size_t step = points.size() / kEnough + 1;
+  std::vector<Eigen::Vector3d> some;
+  for (std::size_t i = 0; i < points.size(); i += step) some.push_back(points[i].cast<double>());
+  std::vector<double> weights(some.size(), 1.0);
+  BallFit fit;
+  for (int round = 0; round < 12; ++round) {
+    Eigen::Matrix4d products = Eigen::Matrix4d::Zero();
+    Eigen::Vector4d right = Eigen::Vector4d::Zero();
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      const Eigen::Vector4d row(2 * some[i].x(), 2 * some[i].y(), 2 * some[i].z(), 1);
+      products += weights[i] * row * row.transpose();
+      right += weights[i] * some[i].squaredNorm() * row;
+    }
+    const Eigen::Vector4d solution = products.ldlt().solve(right);
+    fit.centre = solution.head<3>();
+    const double squared = solution.w() + fit.centre.squaredNorm();
+    if (!solution.allFinite() || !(squared > 0)) return {};
+    fit.radius = std::sqrt(squared);
+    for (std::size_t i = 0; i < some.size(); ++i) {
+      const double r = ((some[i] - fit.centre).norm() - fit.radius) / tolerance;
+      weights[i] = 1 / (1 + r * r);
+    }
+  }
+  // It lies on the table, and its top is what is highest: a bowl's inside is on a sphere, too.
+  const double slack = 0.2 * fit.radius + tolerance;
+  if (std::abs(fit.centre.z() - fit.radius) > slack || std::abs(2 * fit.radius - height) > slack) return {};
+  const auto near = std::ranges::count_if(
+      some, [&](const Eigen::Vector3d& p) { return std::abs((p - fit.centre).norm() - fit.radius) < tolerance; });
+  fit.inliers = static_cast<double>(near) / static_cast<double>(some.size());
+  return fit;
+}
+
 }  // namespace
 
 ShapeFit fit_shape(const Hypothesis& thing, double error) {
@@ -183,6 +224,15 @@ ShapeFit fit_shape(const Hypothesis& thing, double error) {
   const CircleFit circle = fit_circle(outline, tolerance);
   const RectangleFit rectangle = fit_rectangle(outline, tolerance);
   const double height = std::max(0.002, quantile_of(points, 0.985, [](const Vector3f& p) { return p.z(); }));
+  constexpr double kBall = 0.8;
+  if (const BallFit ball = thing.from_colour ? BallFit{} : fit_ball(points, height, tolerance); ball.inliers > kBall) {
+    fit.shape = "round";
+    fit.confidence = ball.inliers;
+    fit.box_share = rectangle.inliers, fit.circle_share = circle.inliers;
+    fit.box.centre = {ball.centre.x(), ball.centre.y(), height / 2};
+    fit.box.size = {2 * ball.radius, 2 * ball.radius, height};
+    return fit;
+  }
   // Four lines explain more than one circle does.
   const bool is_circle = circle.inliers > 0.3 && circle.inliers > rectangle.inliers - 0.05 && circle.radius < 0.5 &&
                          rectangle.size.y() > 0.7 * rectangle.size.x();

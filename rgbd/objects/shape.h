@@ -4,7 +4,7 @@
 //           each direction from the middle are the outline, of the top where nothing else is seen. A circle and a
 //           rectangle are fitted to it robustly, and whichever leaves more of it within a tolerance is the form of its
 //           footprint. Low and wide is flat; a circle whose wall is upright or whose top is closed is a cylinder, an
-//           open or bulging one is round. A rectangle that is as high as wide, with points near a cylinder along it rather
+//           open or bulging one is round, and so is what lies on a sphere that touches the table: a ball. A rectangle that is as high as wide, with points near a cylinder along it rather
 //           than near its top and sides, is a cylinder that lies.
 // Source    the four words and the 0.25 of flat from RoboSherlock's annotators; those take lines for box and circles
 //           for round. There a carton that stands is flat when it is thin; here only what lies is

@@ -1,63 +1,19 @@
 #include <gtest/gtest.h>
 
-#include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <random>
-#include <set>
 
 #include "rgbd/objects/looks.h"
 #include "rgbd/objects/shape.h"
-#include "rgbd/synthetic/kitchen.h"
 #include "rgbd/synthetic/sequences.h"
+#include "tests/support/shot.h"
 
 namespace sherlog::rgbd {
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-// A room with some things on its table, seen by a noisy sensor or a perfect one.
-struct Shot {
-  Calibration calibration = kinect_calibration();
-  Eigen::Isometry3d camera = look_at({0, 0.20, 1.42}, {0, 1.16, 0.78});
-  rgbd::Scene scene = table_room();
-  View view;
-  Frame frame;
-  Cloud cloud;
-  Table table;
-
-  void add(std::size_t kind, double x, double y, double heading = 0, double above = 0) {
-    add_thing(scene, things()[kind], things()[kind].object_class, {x, y, kTableHeight + above}, heading, false);
-  }
-  void take(const SensorModel& sensor = {}, std::uint64_t seed = 1) {
-    view = render(scene, calibration, camera);
-    frame = measure(view, calibration, sensor, seed, 0);
-    cloud = cloud_of(frame.depth, calibration);
-    std::string problem;
-    const auto found = find_tables(cloud, camera, {}, problem);
-    ASSERT_FALSE(found.empty()) << problem;
-    table = found[0];
-  }
-  Hypotheses find(const HypothesisOptions& options = {}) const {
-    return find_hypotheses(above_table(cloud, table), frame.colour, table, calibration, options);
-  }
-  // Names of the objects that things mostly show, one for each thing.
-  std::multiset<std::string> names(const Hypotheses& found) const {
-    std::multiset<std::string> result;
-    for (const Hypothesis& thing : found.things) {
-      std::map<int, int> votes;
-      for (int y = 0; y < thing.roi.height; ++y) {
-        for (int x = 0; x < thing.roi.width; ++x) {
-          if (thing.mask(y, x) != 0) ++votes[view.entities(y + thing.roi.y, x + thing.roi.x)];
-        }
-      }
-      const auto most = std::ranges::max_element(votes, {}, [](const auto& vote) { return vote.second; });
-      result.insert(most->first == 0 ? "nothing" : scene.entities[static_cast<std::size_t>(most->first) - 1].name);
-    }
-    return result;
-  }
-};
 
 using Names = std::multiset<std::string>;
 
