@@ -5,6 +5,7 @@
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
+#include "rgbd/objects/standing.h"
 #include "rgbd/objects/walls.h"
 
 namespace sherlog::rgbd {
@@ -77,7 +78,8 @@ class Finder {
         elsewhere_(elsewhere | behind_walls(points, table)),
         eye_(table.pose.inverse(Eigen::Isometry).translation()),
         turn_(table.pose.linear().transpose()),
-        depth_row_(table.pose.matrix().row(2)) {
+        depth_row_(table.pose.matrix().row(2)),
+        standing_(points, table, calibration, options) {
     result_.reaching_mask = MaskImage(points.size(), std::uint8_t{0});
     taken_ = MaskImage(points.size(), std::uint8_t{0});
   }
@@ -163,112 +165,11 @@ class Finder {
     return area;
   }
 
-  // Below the middle of what is seen of it, a little way into it; and how high its lowest part is.
-  struct Foot {
-    Eigen::Vector2d middle, away;  // away: from the camera, of length one
-    double depth = 0;              // of what is seen, from near to far
-    double lowest = 0;
-  };
-  Foot foot_of(const Pixels& pixels) const {
-    const auto quantile = [](std::vector<double>& values, double share) {
-      const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-      std::nth_element(values.begin(), at, values.end());
-      return *at;
-    };
-    Foot foot;
-    std::vector<double> heights;
-    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-    for (const cv::Point& p : pixels) {
-      heights.push_back(points_(p)[2]);
-      mean += Eigen::Vector2d(points_(p)[0], points_(p)[1]) / static_cast<double>(pixels.size());
-    }
-    foot.lowest = quantile(heights, 0.02);
-    const Eigen::Vector2d line = mean - eye_.head<2>();
-    foot.away = line.norm() > 1e-6 ? Eigen::Vector2d(line.normalized()) : Eigen::Vector2d(1, 0);
-    const Eigen::Vector2d across(-foot.away.y(), foot.away.x());
-    std::vector<double> along, side;
-    for (const cv::Point& p : pixels) side.push_back(across.dot(Eigen::Vector2d(points_(p)[0], points_(p)[1])));
-    std::vector<double> sorted = side;
-    const double middle_side = quantile(sorted, 0.5);
-    // A slice of it, as a bent thing is not over the middle of all of it.
-    constexpr double kHalfSlice = 0.015;
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      if (std::abs(side[i] - middle_side) > kHalfSlice) continue;
-      along.push_back(foot.away.dot(Eigen::Vector2d(points_(pixels[i])[0], points_(pixels[i])[1])));
-    }
-    const double near = quantile(along, 0.02), far = quantile(along, 0.98);
-    foot.middle = foot.away * ((near + far) / 2) + across * middle_side;
-    foot.depth = far - near;
-    return foot;
-  }
-
-  // Whether one looks through below it: what stands on the table hides the table below its middle, as far as it goes, and
-  // all that is between. Where a ball or what is looked at from above ends in the picture says nothing.
-  bool hovers(const Foot& foot) const {
-    if (foot.lowest < options_.hover) return false;
-    const Eigen::Vector3d at(foot.middle.x(), foot.middle.y(), foot.lowest / 2);
-    const Eigen::Vector3d down = at - eye_;
-    const double error = depth_error(depth_row_.dot(Eigen::Vector4d(at.x(), at.y(), at.z(), 1)));
-    // In front of an upright face there is nothing of the thing: its own points are off by so much. And of a ball one sees
-    // the near half, and of its far half the less the lower one looks: it touches the table behind the middle of that.
-    const double level = down.head<2>().norm() / down.norm(), steep = -down.z() / down.norm();
-    const double share = 1 / (1 + std::max(0.0, steep - 0.3));
-    const double inwards = std::max((0.015 + options_.errors * error) * level, (share - 0.5) * foot.depth);
-    const Eigen::Vector2d across(-foot.away.y(), foot.away.x());
-    constexpr double kStep = 0.008;  // metres
-    std::size_t open = 0, closed = 0;
-    for (int i = -1; i <= 1; ++i) {
-      for (int j = -1; j <= 1; ++j) {
-        const Eigen::Vector2d column = foot.middle + foot.away * (inwards + i * kStep) + across * (j * kStep);
-        const auto view = view_through(column, foot.lowest - 0.01);
-        if (view == View::kOpen) ++open;
-        if (view == View::kClosed) ++closed;
-      }
-    }
-    return open >= 3 && open > closed;
-  }
-
-  enum class View { kOpen, kClosed, kUnknown };
-  // Of the air between the table and a height: open if something farther away is measured through it anywhere, or the table.
-  View view_through(const Eigen::Vector2d& column, double height) const {
-    bool is_measured = false;
-    for (int step = 0; step < 6; ++step) {
-      const Eigen::Vector3d at(column.x(), column.y(), std::max(0.0, height) * step / 5);
-      const Eigen::Vector3d in_camera = table_.pose * at;
-      if (in_camera.z() < 0.1) continue;
-      const Eigen::Vector2d on = calibration_.pixel(in_camera);
-      const cv::Point pixel(static_cast<int>(std::lround(on.x())), static_cast<int>(std::lround(on.y())));
-      if (!pixel.inside({{0, 0}, points_.size()}) || points_(pixel)[2] < -5) continue;
-      is_measured = true;
-      const double tolerance = 0.005 + 2 * depth_error(in_camera.z());
-      const double beyond = range(pixel) - in_camera.z();
-      if (step == 0 ? beyond > -tolerance : beyond > tolerance + 0.01) return View::kOpen;
-    }
-    return is_measured ? View::kClosed : View::kUnknown;
-  }
-
   // By the edge of the picture.
   bool is_cut_off(const Pixels& piece) const {
     return std::ranges::any_of(piece, [&](const cv::Point& p) {
       return p.x < 2 || p.y < 2 || p.x >= points_.cols - 2 || p.y >= points_.rows - 2;
     });
-  }
-
-  // Over the table's edge, but not from beyond it: its middle is on the table, and all of it close by.
-  bool hangs_over(const Pixels& piece, const Foot& foot) {
-    if (is_cut_off(piece) || !table_.has(foot.middle.x(), foot.middle.y())) return false;
-    if (beyond_.empty()) cv::distanceTransform(table_.raster == 0, beyond_, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-    std::size_t far = 0;
-    for (const cv::Point& p : piece) {
-      const Eigen::Vector3d at(points_(p)[0], points_(p)[1], 0);
-      const Eigen::Vector2d cell = (at.head<2>() - table_.raster_origin) / table_.cell;
-      // The raster goes some centimetres beyond the outline.
-      const int column = std::clamp(static_cast<int>(cell.x()), 0, table_.raster.cols - 1),
-                row = std::clamp(static_cast<int>(cell.y()), 0, table_.raster.rows - 1);
-      const double off = std::hypot(cell.x() - column, cell.y() - row) + beyond_(row, column);
-      if (off * table_.cell > options_.overhang + error_at(p)) ++far;
-    }
-    return 50 * far < piece.size();
   }
 
   void judge(const Pixels& piece) {
@@ -279,10 +180,10 @@ class Finder {
     const double outside = share_of([&](const cv::Point& p) { return !table_.has(points_(p)[0], points_(p)[1]); });
     const double inside = share_of([&](const cv::Point& p) { return is_surely_on(points_(p)); });
     if (inside < 0.1) return;  // something beside the table
-    const Foot foot = foot_of(piece);
+    const Standing::Foot foot = standing_.foot_of(piece);
     const bool is_beyond = outside > (is_cut_off(piece) ? 0.01 : options_.beyond);
-    const bool overhangs = is_beyond && hangs_over(piece, foot);
-    if ((is_beyond && !overhangs) || hovers(foot)) {
+    const bool overhangs = is_beyond && !is_cut_off(piece) && standing_.hangs_over(piece, foot);
+    if ((is_beyond && !overhangs) || standing_.hovers(foot)) {
       ++result_.reaching;
       for (const cv::Point& p : piece) result_.reaching_mask(p) = 255;
       return;
@@ -401,8 +302,9 @@ class Finder {
     return (eye_ - ray * (eye_.z() / ray.z())).cast<float>();
   }
 
-  MaskImage open_surface() const {
-    MaskImage open(points_.size(), std::uint8_t{0});
+  // Where nothing is known to be on the table: the number of its piece.
+  cv::Mat1b open_surface() const {
+    cv::Mat1b open(points_.size(), std::uint8_t{0});
     const int reach = std::max(1, points_.cols / 128);
     MaskImage blocked;
     cv::dilate(taken_ | result_.reaching_mask | elsewhere_, blocked,
@@ -414,19 +316,28 @@ class Finder {
         const float height = points_(y, x)[2];
         if (height > -5 && std::abs(height) > std::max(0.012, options_.errors * error_at({x, y}))) continue;
         const auto on = on_surface({x, y});
-        if (on && table_.has(on->x(), on->y())) open(y, x) = 255;
+        if (on) open(y, x) = static_cast<std::uint8_t>(table_.piece(on->x(), on->y()));
       }
     }
     return open;
   }
 
+  // By number: two tables of one height may have different colours.
+  std::vector<cv::Vec3f> colours_of_pieces() const {
+    std::vector<Pixels> surfaces(256);
+    for (const cv::Point& p : pixels_of(table_.surface)) {
+      surfaces[table_.piece(points_(p)[0], points_(p)[1])].push_back(p);
+    }
+    std::vector<cv::Vec3f> colours;
+    for (const Pixels& surface : surfaces) colours.push_back(median_colour(lab_, surface));
+    return colours;
+  }
+
   void find_by_colour() {
-    const cv::Vec3f table_colour = median_colour(lab_, pixels_of(table_.surface));
-    MaskImage open = open_surface();
-    for (int y = 0; y < open.rows; ++y) {
-      for (int x = 0; x < open.cols; ++x) {
-        if (open(y, x) != 0 && distance(lab_(y, x), table_colour) < options_.colour_distance) open(y, x) = 0;
-      }
+    const std::vector<cv::Vec3f> table_colours = colours_of_pieces();
+    cv::Mat1b open = open_surface();
+    for (const cv::Point& p : pixels_of(open)) {
+      if (distance(lab_(p), table_colours[open(p)]) < options_.colour_distance) open(p) = 0;
     }
     cv::morphologyEx(open, open, cv::MORPH_OPEN, cv::Mat::ones(2, 2, CV_8U));
     cv::Mat1i labels;
@@ -511,7 +422,7 @@ class Finder {
   Eigen::Vector3d eye_;  // the camera, in the table's frame
   Eigen::Matrix3d turn_;
   Eigen::RowVector4d depth_row_;
-  cv::Mat1f beyond_;  // cells from the outline, where the table's raster is; empty: not needed yet
+  Standing standing_;
   MaskImage taken_;
   std::vector<Pixels> low_;
   Hypotheses result_;

@@ -256,6 +256,8 @@ Eigen::Isometry3d frame_on(const Plane& plane, const Vector3d& origin, const Vec
   return frame;
 }
 
+constexpr double kHeightSlack = 0.01;  // metres
+
 using Hull = std::vector<cv::Point2f>;
 
 void draw_outlines(Table& table, const std::vector<Hull>& hulls, double cell) {
@@ -272,30 +274,39 @@ void draw_outlines(Table& table, const std::vector<Hull>& hulls, double cell) {
   const Eigen::Vector2d size = (high - low + Eigen::Vector2d(2 * margin, 2 * margin)) / cell;
   table.raster = cv::Mat1b::zeros(static_cast<int>(size.y()) + 1, static_cast<int>(size.x()) + 1);
   for (const cv::Point2f& p : hulls[0]) table.outline.emplace_back(p.x, p.y);
-  for (const Hull& hull : hulls) {
+  for (std::size_t i = hulls.size(); i-- > 0;) {  // the largest last: it wins where they overlap
     std::vector<cv::Point> polygon;
-    for (const cv::Point2f& p : hull) {
+    for (const cv::Point2f& p : hulls[i]) {
       polygon.emplace_back(static_cast<int>(std::lround((p.x - table.raster_origin.x()) / cell)),
                            static_cast<int>(std::lround((p.y - table.raster_origin.y()) / cell)));
     }
-    cv::fillConvexPoly(table.raster, polygon, 255);
+    cv::fillConvexPoly(table.raster, polygon, static_cast<double>(i + 1));
   }
 }
 
-// By piece, its points in the frame's plane.
-std::vector<Hull> points_of(const Cloud& cloud, const cv::Mat1i& pieces, int count, const Eigen::Isometry3d& frame) {
-  std::vector<Hull> points(static_cast<std::size_t>(count));
+struct Piece {
+  Hull points;            // in the frame's plane
+  std::size_t close = 0;  // those that are off it by half of the tolerance at most
+
+  // As a table's are. A wall that the plane cuts fills all of the tolerance, which far away is a hand's breadth.
+  bool is_level() const { return 10 * close >= 7 * points.size(); }
+};
+
+std::vector<Piece> measured(const Cloud& cloud, const cv::Mat1f& tolerance, const cv::Mat1i& numbers, int count,
+                            const Eigen::Isometry3d& frame) {
+  std::vector<Piece> pieces(static_cast<std::size_t>(count));
   const Eigen::Isometry3d to_frame = frame.inverse(Eigen::Isometry);
   for (int y = 0; y < cloud.rows; ++y) {
     for (int x = 0; x < cloud.cols; ++x) {
-      if (pieces(y, x) == 0) continue;
+      if (numbers(y, x) == 0) continue;
+      Piece& piece = pieces[static_cast<std::size_t>(numbers(y, x) - 1)];
       const cv::Vec3f& p = cloud(y, x);
       const Vector3d on = to_frame * Vector3d(p[0], p[1], p[2]);
-      points[static_cast<std::size_t>(pieces(y, x) - 1)].emplace_back(static_cast<float>(on.x()),
-                                                                      static_cast<float>(on.y()));
+      piece.points.emplace_back(static_cast<float>(on.x()), static_cast<float>(on.y()));
+      if (std::abs(on.z()) < 0.5 * static_cast<double>(tolerance(y, x))) ++piece.close;
     }
   }
-  return points;
+  return pieces;
 }
 
 // Square metres of cells of 2 cm that have a point.
@@ -348,7 +359,7 @@ Hull hull_of(const Hull& points, double least_area) {
   return covered_area(points) < kLeastShare * area ? Hull() : hull;
 }
 
-// What is on the plane, as tables. Nothing: no piece is large enough.
+// What is on the plane, as tables. Nothing: no piece is large enough, or the plane is too low after all.
 std::optional<Table> table_on(const Plane& plane, const Cloud& cloud, const cv::Mat1f& tolerance,
                               const std::optional<Eigen::Isometry3d>& camera, const TableOptions& options,
                               double least_area) {
@@ -356,21 +367,24 @@ std::optional<Table> table_on(const Plane& plane, const Cloud& cloud, const cv::
   const Vector3d ahead = camera ? Vector3d(camera->linear().transpose() * Vector3d::UnitX()) : Vector3d::UnitX();
   Eigen::Isometry3d frame = frame_on(plane, -plane.normal * plane.offset, ahead);
   int count = 0;
-  const cv::Mat1i pieces = pieces_on(cloud, tolerance, plane, count);
-  const std::vector<Hull> points = points_of(cloud, pieces, count, frame);
+  const cv::Mat1i numbers = pieces_on(cloud, tolerance, plane, count);
+  const std::vector<Piece> pieces = measured(cloud, tolerance, numbers, count, frame);
   table.surface = MaskImage(cloud.size(), std::uint8_t{0});
   std::vector<Hull> large;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    Hull hull = hull_of(points[i], least_area);
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    Hull hull = pieces[i].is_level() ? hull_of(pieces[i].points, least_area) : Hull();
     if (hull.empty()) continue;
     table.area += cv::contourArea(hull);
-    table.surface.setTo(255, pieces == static_cast<int>(i + 1));
+    table.surface.setTo(255, numbers == static_cast<int>(i + 1));
     large.push_back(std::move(hull));
   }
   if (large.empty()) return std::nullopt;
   Vector3d middle = Vector3d::Zero();
   for (const cv::Point2f& p : large[0]) middle += Vector3d(p.x, p.y, 0) / static_cast<double>(large[0].size());
   frame.translation() = frame * middle;
+  // Points may be high enough where the plane they lie on is not: it is tilted a little.
+  if (camera && !is_table_height(frame.translation() + kHeightSlack * plane.normal, *camera, options))
+    return std::nullopt;
   const cv::Point2f origin(static_cast<float>(middle.x()), static_cast<float>(middle.y()));
   for (Hull& hull : large) {
     for (cv::Point2f& p : hull) p -= origin;
@@ -410,10 +424,11 @@ Cloud cloud_of(const DepthImage& depth, const Calibration& calibration) {
   return cloud;
 }
 
-bool Table::has(double x, double y) const {
+std::size_t Table::piece(double x, double y) const {
   const auto column = static_cast<int>((x - raster_origin.x()) / cell),
              row = static_cast<int>((y - raster_origin.y()) / cell);
-  return column >= 0 && row >= 0 && column < raster.cols && row < raster.rows && raster(row, column) != 0;
+  if (column < 0 || row < 0 || column >= raster.cols || row >= raster.rows) return 0;
+  return raster(row, column);
 }
 
 std::vector<Table> find_tables(const Cloud& cloud, const std::optional<Eigen::Isometry3d>& camera,

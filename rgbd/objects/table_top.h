@@ -58,9 +58,10 @@ struct Table {
   MaskImage surface;                     // pixels that measure it
   double area = 0;
 
-  bool has(double x, double y) const;  // within the outline of a piece
-  // Raster of the outlines, for has().
-  cv::Mat1b raster;
+  // Within the outline of a piece: its number, from 1; else 0.
+  std::size_t piece(double x, double y) const;
+  bool has(double x, double y) const { return piece(x, y) != 0; }
+  cv::Mat1b raster;  // of the outlines: the pieces' numbers
   Eigen::Vector2d raster_origin = Eigen::Vector2d::Zero();
   double cell = 0.005;
 };

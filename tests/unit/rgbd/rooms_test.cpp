@@ -41,12 +41,12 @@ void add_block(Scene& scene, const char* name, const Vector3d& low, const Vector
 }
 
 // A floor, two tables beside each other with a gap between them, the second one so high; a thing on each.
-SyntheticSequence two_tables(double height_of_second) {
+SyntheticSequence two_tables(double height_of_second, cv::Vec3b colour_of_second = {90, 130, 170}) {
   Scene room;
   add_block(room, "floor", {-4, -2, -0.1}, {4, 5, 0}, {110, 120, 130});
   add_block(room, "left table", {-0.85, 1, 0.7}, {-0.1, 1.6, 0.75}, {90, 130, 170});
   const double top = height_of_second;
-  add_block(room, "right table", {0.1, 1, top - 0.05}, {0.85, 1.6, top}, {90, 130, 170});
+  add_block(room, "right table", {0.1, 1, top - 0.05}, {0.85, 1.6, top}, colour_of_second);
   const auto story = [top](double) {
     Scene scene;
     add_thing(scene, things()[1], "left thing", {-0.45, 1.25, 0.75}, 0.2, false);
@@ -74,6 +74,38 @@ TEST(Tables, OfOneHeightAreAllLookedAt) {
   const SyntheticSequence sequence = two_tables(0.75);
   Perception perception = everything({});
   EXPECT_EQ(names_found(perception, sequence, 0), (std::multiset<std::string>{"left thing", "right thing"}));
+}
+
+TEST(Tables, OfOneHeightMayHaveDifferentColours) {
+  for (const cv::Vec3b& colour : {cv::Vec3b(215, 225, 230), cv::Vec3b(60, 50, 50), cv::Vec3b(40, 40, 170)}) {
+    SCOPED_TRACE(static_cast<int>(colour[0]));
+    Perception perception = everything({});
+    EXPECT_EQ(names_found(perception, two_tables(0.75, colour), 0),
+              (std::multiset<std::string>{"left thing", "right thing"}));
+  }
+}
+
+// A level plane cuts it, and so far away errors of depth make a broad strip of the cut.
+TEST(Tables, AreNoWallsFarBehind) {
+  for (const double wall : {2.5, 3.0, 3.5, 4.0, 5.0}) {
+    for (const std::uint64_t seed : {1U, 2U}) {
+      SCOPED_TRACE(wall);
+      Scene room;
+      add_block(room, "floor", {-6, -2, -0.1}, {6, wall + 1, 0}, {110, 120, 130});
+      add_block(room, "table", {-0.6, 0.9, 0.71}, {0.6, 1.6, 0.75}, {90, 130, 170});
+      add_block(room, "wall", {-6, wall, 0}, {6, wall + 0.1, 3}, {200, 205, 205});
+      add_block(room, "cupboard", {-0.8, wall - 0.5, 0}, {0, wall, 0.91}, {60, 70, 90});
+      const auto story = [](double) {
+        Scene scene;
+        add_thing(scene, things()[1], "thing", {-0.2, 1.2, 0.75}, 0.2, false);
+        return scene;
+      };
+      const SyntheticSequence sequence{
+          "room", kinect_calibration(), look_at({0, 0, 1.45}, {0, 1.2, 0.85}), 1, room, story, {}, seed};
+      Perception perception = everything({});
+      EXPECT_EQ(names_found(perception, sequence, 0), std::multiset<std::string>{"thing"});
+    }
+  }
 }
 
 TEST(Tables, OfTwoHeightsAreBothLookedAt) {
