@@ -32,6 +32,11 @@ struct PerceiveTally {
   std::string text, evidence;
 };
 
+// Numbers without a sign are read modulo 2^64.
+CLI::Validator not_negative() {
+  return {[](std::string& text) { return text.starts_with('-') ? fmt::format("{} is negative", text) : ""; }, ""};
+}
+
 // The frames that are asked for, one after the other, until something ends it. `visit` gets what could be read.
 template <class Visit>
 Termination for_each_frame(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source,
@@ -202,13 +207,14 @@ bool keep_scene(const rgbd::Perceived& perceived, const PerceiveArguments& argum
 // The frames one by one; what the store takes is committed by the caller.
 Termination perceive_frames(Session& session, const PerceiveArguments& arguments, const rgbd::FrameSource& source,
                             rgbd::Perception& perception, const std::optional<rgbd::Request>& request,
-                            const std::optional<EvidenceMapping>& mapping, SceneStore* store, PerceiveTally& tally,
+                            const std::optional<EvidenceMapping>& mapping, StoreTarget& target, PerceiveTally& tally,
                             std::string& failure) {
   std::optional<SceneTracker> tracker;
   if (request && request->verb == rgbd::Request::Verb::kTrack && !(tracker = thing_tracker(session)))
     return Termination::kRefused;
   return for_each_frame(
       session, arguments, source, tally.unreadable, [&](const rgbd::Frame& frame, std::uint64_t index) {
+        if (target.is_wanted() && !target.open()) return Termination::kRefused;
         rgbd::Perceived perceived = perception.perceive(frame, source.calibration, index, source.bodies_at(index));
         ++tally.frames;
         if (arguments.labels) rgbd::add_labels(perceived, source.truth(index));
@@ -225,8 +231,8 @@ Termination perceive_frames(Session& session, const PerceiveArguments& arguments
         if (mapping) {
           tally.evidence += (tally.evidence.empty() ? "" : "---\n") + evidence_text(observe(*mapping, perceived.scene));
         }
-        return store == nullptr || keep_scene(perceived, arguments, *store, tally, failure) ? Termination::kCompleted
-                                                                                            : Termination::kRefused;
+        const bool is_kept = !target.is_wanted() || keep_scene(perceived, arguments, target.store(), tally, failure);
+        return is_kept ? Termination::kCompleted : Termination::kRefused;
       });
 }
 
@@ -310,6 +316,7 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
     return session.error("--record takes what FRAMES brings with it: copy the files of --map and --known yourself"),
            kBadInput;
   }
+  cv::setNumThreads(1);  // annotators run side by side
   std::string problem;
   auto source = rgbd::open_frames(arguments.frames, session.options().seed, problem);
   if (!source) return session.error(problem), kBadInput;
@@ -320,6 +327,9 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   if (arguments.labels && !source->truth) {
     return session.error("--labels: only of synthetic frames is it known what they show"), kBadInput;
   }
+  if (source->poses_missed) {
+    session.warning("no pose in groundtruth.txt is near in time to a frame: things are placed in the camera's frame");
+  }
   if (source->unpaired > 0) session.warning(fmt::format("{} depth images have no colour image", source->unpaired));
   if (!arguments.record.empty()) return record_frames(session, arguments, *source);
   if (!read_knowledge(session, arguments, source->knowledge)) return kBadInput;
@@ -329,21 +339,16 @@ int perceive(Session& session, const PerceiveArguments& arguments) {
   if (!perception) return kBadInput;
   std::optional<EvidenceMapping> mapping;
   if (!arguments.evidence.empty() && !(mapping = read_mapping(session, arguments.mapping))) return kBadInput;
-  std::optional<SceneStore> store;
-  if (!arguments.store.empty()) {
-    StoreChoice choice;
-    choice.path = arguments.store;
-    store = open_store(session, choice, {});
-    if (!store) return kBadInput;
-    if (!store->begin()) return session.error(store->problem()), kBadInput;
-  }
+  StoreTarget target(session, arguments.store);
+  if (!target.open_if_there()) return kBadInput;
   PerceiveTally tally;
   std::string failure;
-  const Termination termination = perceive_frames(session, arguments, *source, *perception, request, mapping,
-                                                  store ? &*store : nullptr, tally, failure);
-  if (store && (termination == Termination::kRefused || !store->commit())) {
-    if (failure.empty()) failure = store->problem();
-    store->roll_back();
+  const Termination termination =
+      perceive_frames(session, arguments, *source, *perception, request, mapping, target, tally, failure);
+  if (termination == Termination::kRefused && !target.is_open()) return kBadInput;  // said why
+  if (target.is_open() && (termination == Termination::kRefused || !target.store().commit())) {
+    if (failure.empty()) failure = target.store().problem();
+    target.store().roll_back();
     return session.error(failure), kBadInput;
   }
   if (tally.frames == 0 && termination == Termination::kCompleted) {
@@ -424,10 +429,12 @@ void add_perceive(CLI::App& app, Action& action) {
       command->add_option("--every", arguments->every, "Take every Nth frame (default 10; with --people 1)")
           ->type_name("N")
           ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000}).description(""));
-  CLI::Option* first =
-      command->add_option("--first", arguments->first, "From this frame on (default 0)")->type_name("N");
-  CLI::Option* last =
-      command->add_option("--last", arguments->last, "Up to this frame (default: the last)")->type_name("N");
+  CLI::Option* first = command->add_option("--first", arguments->first, "From this frame on (default 0)")
+                           ->type_name("N")
+                           ->check(not_negative());
+  CLI::Option* last = command->add_option("--last", arguments->last, "Up to this frame (default: the last)")
+                          ->type_name("N")
+                          ->check(not_negative());
   CLI::Option* flow =
       command
           ->add_option("--flow", arguments->flow,

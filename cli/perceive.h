@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/session.h"
+#include "perception_bridge/scene_store.h"
 #include "rgbd/pipeline/perception.h"
 #include "rgbd/pose/segmentation.h"
 
@@ -36,6 +37,25 @@ bool read_request(Session& session, const PerceiveArguments& arguments, std::opt
 std::optional<rgbd::Perception> make_perception(Session& session, const PerceiveArguments& arguments,
                                                 const rgbd::Knowledge& knowledge, const std::string& name,
                                                 const std::optional<rgbd::Request>& request);
+
+// The store that scenes go to: opened at once where it is there already, else with the first frame, so that frames that
+// cannot be read make no store.
+class StoreTarget {
+ public:
+  // Empty path: no store is wanted.
+  StoreTarget(Session& session, std::string path) : session_(session), path_(std::move(path)) {}
+  bool is_wanted() const { return !path_.empty(); }
+  bool is_open() const { return store_.has_value(); }
+  // With a transaction begun. False: said why.
+  bool open();
+  bool open_if_there();
+  SceneStore& store() { return *store_; }  // of an open one
+
+ private:
+  Session& session_;
+  std::string path_;
+  std::optional<SceneStore> store_;
+};
 
 // --plan: who would run, in which order, and for what. No frame is looked at.
 int plan_perception(Session& session, const PerceiveArguments& arguments);

@@ -6,6 +6,7 @@
 
 #include "cli/perceive.h"
 #include "cli/report.h"
+#include "cli/scenes.h"
 #include "cli/table.h"
 #include "mln/text_file.h"
 #include "rgbd/pipeline/capabilities.h"
@@ -133,6 +134,24 @@ std::optional<rgbd::Perception> make_perception(Session& session, const Perceive
   if (!perception) return session.error(problem), std::nullopt;
   for (const std::string& warning : perception->flow().warnings) session.warning(warning);
   return perception;
+}
+
+bool StoreTarget::open() {
+  if (store_) return true;
+  StoreChoice choice;
+  choice.path = path_;
+  store_ = open_store(session_, choice, {});
+  if (store_ && !store_->begin()) {
+    session_.error(store_->problem());
+    store_.reset();
+  }
+  return store_.has_value();
+}
+
+bool StoreTarget::open_if_there() {
+  std::error_code error;
+  const bool is_there = std::filesystem::exists(std::filesystem::symlink_status(path_, error));
+  return !is_wanted() || !is_there || open();
 }
 
 int plan_perception(Session& session, const PerceiveArguments& arguments) {

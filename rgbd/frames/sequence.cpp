@@ -173,9 +173,15 @@ bool read_associations(const fs::path& file, Sequence& sequence, std::string& pr
   return true;
 }
 
+// A link that leads nowhere is there: reading it says what is wrong.
+bool is_there(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(fs::symlink_status(path, error));
+}
+
 bool read_tum(Sequence& sequence, std::string& problem) {
   const fs::path& folder = sequence.folder;
-  if (fs::exists(folder / "associations.txt")) {
+  if (is_there(folder / "associations.txt")) {
     if (!read_associations(folder / "associations.txt", sequence, problem)) return false;
   } else {
     const auto depth = read_stamped(folder / "depth.txt", problem);
@@ -190,11 +196,18 @@ bool read_tum(Sequence& sequence, std::string& problem) {
           {.time = depth_times[d], .depth = (*depth)[d].file, .colour = (*colour)[c].file, .pose = {}});
     }
     sequence.unpaired = depth->size() - sequence.frames.size();
+    if (sequence.frames.empty() && !depth->empty()) {
+      problem = fmt::format("{}: no image in depth.txt has one in rgb.txt that was taken within {} s", folder.string(),
+                            kPairing);
+      return false;
+    }
   }
-  if (fs::exists(folder / "groundtruth.txt") && !add_poses(folder / "groundtruth.txt", sequence.frames, problem)) {
-    return false;
+  if (is_there(folder / "groundtruth.txt")) {
+    if (!add_poses(folder / "groundtruth.txt", sequence.frames, problem)) return false;
+    sequence.poses_missed =
+        std::ranges::none_of(sequence.frames, [](const FrameEntry& f) { return f.pose.has_value(); });
   }
-  if (fs::exists(folder / "calibration.txt")) {
+  if (is_there(folder / "calibration.txt")) {
     const auto calibration = read_calibration(folder / "calibration.txt", kTumUnits, problem);
     if (!calibration) return false;
     sequence.calibration = *calibration;
@@ -242,12 +255,23 @@ bool read_plain(Sequence& sequence, std::string& problem) {
 std::optional<Sequence> open_sequence(const fs::path& folder, std::string& problem) {
   Sequence sequence;
   sequence.folder = folder;
-  if (!fs::is_directory(folder)) {
-    problem = folder.string() + ": there is no such folder";
+  std::error_code error;
+  const fs::file_type type = fs::status(folder, error).type();
+  if (type != fs::file_type::directory) {
+    problem = folder.string() + ": ";
+    if (type == fs::file_type::not_found) {
+      problem += "there is no such folder";
+    } else {
+      problem += error ? error.message() : "this is no folder; a recording is one";
+    }
     return std::nullopt;
   }
-  const bool plain = fs::exists(folder / "frames.txt");
-  if (!plain && !fs::exists(folder / "depth.txt") && !fs::exists(folder / "associations.txt")) {
+  if (fs::directory_iterator(folder, error); error) {
+    problem = fmt::format("{}: {}", folder.string(), error.message());
+    return std::nullopt;
+  }
+  const bool plain = is_there(folder / "frames.txt");
+  if (!plain && !is_there(folder / "depth.txt") && !is_there(folder / "associations.txt")) {
     problem = folder.string() + ": neither frames.txt nor depth.txt is there, so this is no recorded sequence";
     return std::nullopt;
   }
@@ -296,11 +320,15 @@ SequenceWriter::SequenceWriter(fs::path folder, const Calibration& calibration, 
     : folder_(std::move(folder)), calibration_(calibration), layout_(layout) {
   calibration_.units_per_metre = layout == SequenceLayout::kTum ? kTumUnits : kPlainUnits;
   problem_ = problem_of(calibration_);
-  std::error_code error;
-  for (const char* sub : {"depth", layout == SequenceLayout::kTum ? "rgb" : "colour"}) {
+}
+
+bool SequenceWriter::make_folders() {
+  for (const char* sub : {"depth", layout_ == SequenceLayout::kTum ? "rgb" : "colour"}) {
+    std::error_code error;
     fs::create_directories(folder_ / sub, error);
     if (error) problem_ = fmt::format("{}: the folder cannot be made", (folder_ / sub).string());
   }
+  return problem_.empty();
 }
 
 bool SequenceWriter::add(const Frame& frame) {
@@ -316,6 +344,7 @@ bool SequenceWriter::add(const Frame& frame) {
                            frames_.back().time);
     return false;
   }
+  if (frames_.empty() && !make_folders()) return false;
   const bool tum = layout_ == SequenceLayout::kTum;
   const std::string name = tum ? fmt::format("{:.6f}.png", frame.time) : fmt::format("{:06}.png", frames_.size());
   FrameEntry entry{.time = frame.time,

@@ -42,6 +42,7 @@ struct Sequence {
   Calibration calibration;
   std::vector<FrameEntry> frames;  // times increase strictly
   std::size_t unpaired = 0;        // TUM: depth images without a colour image near in time
+  bool poses_missed = false;       // TUM: there are poses, but none near in time to a frame
 };
 
 // Reads the lists, not the images. Nothing where the folder has no layout, a list or the calibration is wrong, there is
@@ -55,7 +56,7 @@ std::optional<Frame> read_frame(const Sequence& sequence, std::size_t index, std
 // The files are complete after finish(); without it the images are there, and the lists as far as they were written.
 class SequenceWriter {
  public:
-  // Makes the folder where it is missing.
+  // The folder is made with the first frame, where it is missing.
   SequenceWriter(std::filesystem::path folder, const Calibration& calibration,
                  SequenceLayout layout = SequenceLayout::kPlain);
   // False: see problem(). Refuses frames of another size than the calibration, and time that does not increase.
@@ -64,6 +65,7 @@ class SequenceWriter {
   const std::string& problem() const { return problem_; }
 
  private:
+  bool make_folders();
   bool write_lists();
 
   std::filesystem::path folder_;

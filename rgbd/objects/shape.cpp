@@ -12,6 +12,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3f;
 constexpr double kPi = std::numbers::pi;
+constexpr std::size_t kLeastOutline = 5;  // points
 
 // Value below which that share lies. Requires values.
 double quantile(std::vector<double> values, double share) {
@@ -64,7 +65,7 @@ std::vector<Vector2d> outline_of(const std::vector<Vector3f>& points) {
 
 CircleFit fit_circle(const std::vector<Vector2d>& outline, double tolerance) {
   CircleFit fit;
-  if (outline.size() < 5) return fit;
+  if (outline.size() < kLeastOutline) return fit;
   // |p|^2 = 2 c.p + k, weighted anew by how far each is off (Cauchy's weights).
   std::vector<double> weights(outline.size(), 1.0);
   for (int round = 0; round < 12; ++round) {
@@ -93,7 +94,7 @@ CircleFit fit_circle(const std::vector<Vector2d>& outline, double tolerance) {
 
 RectangleFit fit_rectangle(const std::vector<Vector2d>& outline, double tolerance) {
   RectangleFit best;
-  if (outline.size() < 5) return best;
+  if (outline.size() < kLeastOutline) return best;
   double least = std::numeric_limits<double>::infinity();
   std::vector<double> u(outline.size()), v(outline.size());
   for (int degree = 0; degree < 90; ++degree) {
@@ -221,6 +222,7 @@ ShapeFit fit_shape(const Hypothesis& thing, double error) {
   if (points.size() < 20) return fit;
   const double tolerance = std::max(0.004, 2 * error);
   const std::vector<Vector2d> outline = outline_of(points);
+  if (outline.size() < kLeastOutline) return fit;
   const CircleFit circle = fit_circle(outline, tolerance);
   const RectangleFit rectangle = fit_rectangle(outline, tolerance);
   const double height = std::max(0.002, quantile_of(points, 0.985, [](const Vector3f& p) { return p.z(); }));

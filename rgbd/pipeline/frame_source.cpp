@@ -85,6 +85,7 @@ std::optional<FrameSource> open_frames(const std::string& frames, std::uint64_t 
                      .calibration = sequence->calibration,
                      .frames = sequence->frames.size(),
                      .unpaired = sequence->unpaired,
+                     .poses_missed = sequence->poses_missed,
                      .read = [sequence, has_poses](std::size_t index, std::string& what) -> std::optional<Frame> {
                        // Places in the camera's frame cannot be compared with places in the world.
                        if (has_poses && !sequence->frames[index].pose) {

@@ -20,7 +20,8 @@ struct FrameSource {
   std::string name;  // of the folder or the sequence
   Calibration calibration;
   std::size_t frames = 0;
-  std::size_t unpaired = 0;  // depth images that have no colour image
+  std::size_t unpaired = 0;   // depth images that have no colour image
+  bool poses_missed = false;  // poses that are given are none of these frames'
   std::function<std::optional<Frame>(std::size_t index, std::string& problem)> read;
   std::function<TrueFrame(std::size_t index)> truth = {};          // of synthetic sequences only
   std::function<std::vector<Body>(std::size_t index)> robot = {};  // of a frame that can be read: where its parts are

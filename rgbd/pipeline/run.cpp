@@ -3,10 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
 #include <mutex>
+#include <new>
+#include <opencv2/core.hpp>
+#include <system_error>
 #include <thread>
 
 namespace sherlog::rgbd {
@@ -52,11 +56,14 @@ class FlowRun {
     }
   }
 
+  // Memory is not an annotator's own problem: without it no result is what it should be.
+  bool out_of_memory() const { return out_of_memory_; }
   std::vector<AnnotatorRun> take_runs() { return std::move(runs_); }
   const std::vector<Analysis>& additions() const { return additions_; }
 
  private:
   enum State : char { kWaits, kRuns, kEnded };
+  static constexpr const char* kNoMemory = "out of memory";
 
   std::optional<std::size_t> next() const {
     for (std::size_t i = 0; i < states_.size(); ++i) {
@@ -89,12 +96,17 @@ class FlowRun {
     return in;
   }
 
-  void run_one(std::size_t i, const Analysis& in, Analysis& out, AnnotatorRun& run) const {
+  void run_one(std::size_t i, const Analysis& in, Analysis& out, AnnotatorRun& run) {
     Annotator& annotator = *annotators_[flow_.order[i]];
     const auto start = std::chrono::steady_clock::now();
     run.ran = true;
     try {
       annotator.process(in, out);
+    } catch (const std::bad_alloc&) {
+      run.problem = kNoMemory, out_of_memory_ = true;
+    } catch (const cv::Exception& error) {
+      run.problem = error.what();
+      if (error.code == cv::Error::StsNoMem) run.problem = kNoMemory, out_of_memory_ = true;
     } catch (const std::exception& error) {
       run.problem = error.what();
       if (run.problem.empty()) run.problem = "failed without a reason";
@@ -114,6 +126,7 @@ class FlowRun {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::size_t finished_ = 0;
+  std::atomic<bool> out_of_memory_ = false;
   std::vector<State> states_;
   std::vector<Analysis> additions_;
   std::vector<AnnotatorRun> runs_;
@@ -128,9 +141,14 @@ std::vector<AnnotatorRun> run_flow(const Annotators& annotators, const Flow& flo
   const std::size_t most = threads == 0 ? std::max(1U, std::thread::hardware_concurrency()) : threads;
   {
     std::vector<std::jthread> helpers;
-    for (std::size_t i = 1; i < std::min(most, flow.order.size()); ++i) helpers.emplace_back([&] { run.work(); });
+    try {
+      for (std::size_t i = 1; i < std::min(most, flow.order.size()); ++i) helpers.emplace_back([&] { run.work(); });
+    } catch (const std::system_error&) {
+      // There is no room for another thread: fewer do.
+    }
     run.work();
   }
+  if (run.out_of_memory()) throw std::bad_alloc();
   for (const Analysis& addition : run.additions()) analysis.merge(addition);
   return run.take_runs();
 }

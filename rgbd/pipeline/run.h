@@ -23,7 +23,7 @@ struct AnnotatorRun {
   bool ran = false;          // false: what it reads was missing
 };
 
-// In the order of the flow. `threads` 0: as many as the machine has.
+// In the order of the flow. `threads` 0: as many as the machine has. Throws std::bad_alloc where an annotator did.
 std::vector<AnnotatorRun> run_flow(const Annotators& annotators, const Flow& flow, Analysis& analysis,
                                    std::uint32_t threads = 1);
 

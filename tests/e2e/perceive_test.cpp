@@ -176,6 +176,20 @@ TEST_F(Perceive, SaysWhatIsWrongWithFramesAndGoesOnWithTheOthers) {
   EXPECT_EQ(truncated.code, 2);
   EXPECT_THAT(truncated.err, HasSubstr("000000.png"));
   EXPECT_THAT(truncated.err, HasSubstr("no frame could be read"));
+  // Nothing is left of what would have got the frames.
+  fs::remove_all(scratch.folder() / "table/depth");
+  for (const char* output : {"--record again", "--store new.sqlite"}) {
+    EXPECT_EQ(scratch.sherlog(std::string("perceive table --every 1 ") + output).code, 2) << output;
+  }
+  EXPECT_FALSE(fs::exists(scratch.folder() / "again"));
+  EXPECT_FALSE(fs::exists(scratch.folder() / "new.sqlite"));
+}
+
+TEST_F(Perceive, EndsWithTheMemoryLimitWhereAnAnnotatorMeetsIt) {
+  const Outcome outcome =
+      scratch.sherlog("perceive synthetic:table_moves --last 20 --max-memory 20M --query '{\"detect\": {}}' --json -");
+  EXPECT_EQ(outcome.code, 4) << outcome.err;
+  EXPECT_EQ(Json::parse(outcome.out)["termination"], "memory_limit");
 }
 
 TEST_F(Perceive, RefusesBadRecordings) {
@@ -288,6 +302,8 @@ TEST_F(Perceive, BadOptionsAreExit2WithASentence) {
         std::pair{"synthetic:table_moves --query '{\"detect\": {\"shap\": \"box\"}}'", "'shap'"},
         std::pair{"synthetic:table_moves --query '{\"find\": {}}'", "'find'"},
         std::pair{"synthetic:table_moves --first 100000", "--first"},
+        std::pair{"synthetic:table_moves --last -5", "--last"},
+        std::pair{"synthetic:table_moves --first -18446744073709551614 --last 2", "--first"},
         std::pair{"synthetic:table_moves --every 0", "--every"},
         std::pair{"synthetic:crowd --people --most-people 0", "--most-people"},
         std::pair{"synthetic:crowd --most-people 20", "--people"},

@@ -3,6 +3,7 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
+#include <new>
 #include <random>
 #include <set>
 #include <thread>
@@ -206,6 +207,26 @@ TEST(Run, GoesOnWithoutTheResultOfOneThatThrows) {
     EXPECT_NE(runs[1].problem.find("'forms' is missing, which 'bad'"), std::string::npos) << runs[1].problem;
     EXPECT_FALSE(runs[1].ran);
     EXPECT_EQ(runs[2].problem, "");
+  }
+}
+
+TEST(Run, EndsWhereMemoryDoes) {
+  const auto greedy = [](const Analysis&, Analysis&) { throw std::bad_alloc(); };
+  const auto by_opencv = [](const Analysis&, Analysis&) {
+    throw cv::Exception(cv::Error::StsNoMem, "failed to allocate", "process", "here", 1);
+  };
+  for (const Simple::Body& process : {Simple::Body(greedy), Simple::Body(by_opencv)}) {
+    const Annotators annotators = list(Simple("greedy", {"depth"}, {"rs.annotation.Shape"}, process),
+                                       Simple("good", {"depth"}, {"rs.annotation.SemanticColor"}));
+    std::string problem;
+    const auto flow =
+        plan_flow(annotators, Names{"depth"}, wants({"rs.annotation.Shape", "rs.annotation.SemanticColor"}), problem);
+    ASSERT_TRUE(flow) << problem;
+    for (const std::uint32_t threads : {1U, 3U}) {
+      Analysis analysis;
+      analysis.set("depth", 1);
+      EXPECT_THROW(run_flow(annotators, *flow, analysis, threads), std::bad_alloc);
+    }
   }
 }
 

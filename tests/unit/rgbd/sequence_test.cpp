@@ -1,5 +1,6 @@
 #include "rgbd/frames/sequence.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -10,6 +11,8 @@
 
 namespace sherlog::rgbd {
 namespace {
+
+using testing::HasSubstr;
 
 namespace fs = std::filesystem;
 
@@ -131,6 +134,30 @@ TEST_F(SequenceFolder, ThatIsNoSequenceIsSaidSo) {
   EXPECT_EQ(problem_of_opening(), path("calibration.txt") + ": the file cannot be opened");
   put("calibration.txt", "width 4\nheight 4\nfx 1\nfy 1\ncx 1\ncy 1\n");
   EXPECT_EQ(problem_of_opening(), folder_.string() + ": there is no frame");
+}
+
+TEST_F(SequenceFolder, ThatCannotBeLookedAtIsSaidSo) {
+  fs::create_symlink(folder_, folder_);
+  EXPECT_THAT(problem_of_opening(), HasSubstr(folder_.string() + ": "));
+  fs::remove(folder_);
+  std::ofstream(folder_) << "a file";
+  EXPECT_THAT(problem_of_opening(), HasSubstr("no folder"));
+  fs::remove(folder_);
+  write(SequenceLayout::kPlain);
+  fs::remove(folder_ / "frames.txt");
+  fs::create_symlink("frames.txt", folder_ / "frames.txt");
+  EXPECT_THAT(problem_of_opening(), HasSubstr("frames.txt"));
+}
+
+TEST_F(SequenceFolder, OfTumSaysWhatIsNearInTimeToNothing) {
+  write(SequenceLayout::kTum);
+  put("groundtruth.txt", "900 0 0 0 0 0 0 1\n");
+  std::string problem;
+  const auto sequence = open_sequence(folder_, problem);
+  ASSERT_TRUE(sequence) << problem;
+  EXPECT_TRUE(sequence->poses_missed);
+  put("rgb.txt", "900.0 rgb/1.500000.png\n");
+  EXPECT_THAT(problem_of_opening(), HasSubstr("rgb.txt"));
 }
 
 TEST_F(SequenceFolder, WithAWrongCalibrationNamesTheLine) {
