@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "rgbd/pipeline/declared.h"
@@ -42,6 +43,21 @@ class RegionFilter : public Declared {
   VirtualView view_;
 };
 
+// Pixels of the largest connected part. Of a person there are lines of many; what flickers at the edge of the background
+// behind one makes specks.
+std::size_t largest_part(const std::vector<Keypoint>& points) {
+  cv::Rect box(points[0].pixel.x, points[0].pixel.y, 1, 1);
+  for (const Keypoint& point : points) box |= cv::Rect(point.pixel.x, point.pixel.y, 1, 1);
+  cv::Mat1b lines(box.size(), std::uint8_t{0});
+  for (const Keypoint& point : points) lines(point.pixel.y - box.y, point.pixel.x - box.x) = 255;
+  cv::Mat1i labels;
+  cv::Mat statistics, centres;
+  const int count = cv::connectedComponentsWithStats(lines, labels, statistics, centres, 8, CV_32S);
+  std::int32_t largest = 0;
+  for (int i = 1; i < count; ++i) largest = std::max(largest, statistics.at<std::int32_t>(i, cv::CC_STAT_AREA));
+  return static_cast<std::size_t>(largest);
+}
+
 class HumanAnnotator : public Declared {
  public:
   explicit HumanAnnotator(const SegmentationOptions& options)
@@ -67,6 +83,8 @@ class HumanAnnotator : public Declared {
     std::vector<Person> people;
     for (auto& [label, its] : by_label) {
       if (its.size() < kLeastKeypoints) continue;
+      const std::size_t line = largest_part(its);
+      if (line < kLongLine && 10 * line < 7 * its.size()) continue;
       auto person = describe(label, std::move(its), calibration, camera);
       if (!person) continue;
       out.annotate(Analysis::kScene, annotation(*person, camera.has_value()));
@@ -82,6 +100,7 @@ class HumanAnnotator : public Declared {
 
  private:
   static constexpr std::size_t kLeastKeypoints = 15;  // less is a hand at the border of the picture
+  static constexpr std::size_t kLongLine = 20;        // pixels; shorter ones have to be nearly all that there is
   static constexpr double kSamePosture = 0.75;        // correlation
 
   std::optional<Person> describe(std::int32_t label, std::vector<Keypoint> points, const Calibration& calibration,

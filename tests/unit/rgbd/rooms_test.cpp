@@ -255,6 +255,35 @@ TEST(RobotsArm, IsNoThingAndReachesOverTheTable) {
   EXPECT_GT(reaching, 1u);
 }
 
+// How far away the nearest true person is, seen from above, and who.
+std::pair<double, std::int32_t> nearest_to(const Person& person, const TrueFrame& truth) {
+  std::pair<double, std::int32_t> nearest(10, 0);
+  for (const Entity& entity : truth.scene.entities) {
+    for (const auto& [joint, place] : entity.joints) {
+      nearest = std::min(nearest, {(place - person.position).head<2>().norm(), entity.person});
+    }
+  }
+  return nearest;
+}
+
+// Depth flickers where a person ends and the room behind begins.
+TEST(People, AreNoSpecksOnTheWallBehindThem) {
+  std::size_t right = 0, wrong = 0;
+  for (const char* name : {"window", "people_crossing"}) {
+    const auto sequence = make_sequence(name, {.seed = 2});
+    Perception perception = for_people();
+    for (std::size_t index = 0; index < 80; ++index) {
+      const TrueFrame truth = sequence->frame(index);
+      const Perceived perceived = perception.perceive(truth.frame, sequence->calibration(), index);
+      for (const Person& person : *perceived.analysis.view<std::vector<Person>>("people")) {
+        (nearest_to(person, truth).first < 0.5 ? right : wrong) += 1;
+      }
+    }
+  }
+  EXPECT_GT(right, 80U);
+  EXPECT_LE(wrong * 40, right) << wrong << " of " << right + wrong;
+}
+
 TEST(People, HaveLabelsThatLastAndPlacesInTheWorld) {
   const auto sequence = make_sequence("people_crossing", {.width = 320, .height = 240});
   Perception perception = for_people();
@@ -271,14 +300,7 @@ TEST(People, HaveLabelsThatLastAndPlacesInTheWorld) {
     ASSERT_NE(people, nullptr);
     EXPECT_EQ(annotations_of(perceived.scene.annotations, "sherlog.annotation.Person").size(), people->size());
     for (const Person& person : *people) {
-      double nearest = 10;
-      std::int32_t who = 0;
-      for (const Entity& entity : truth.scene.entities) {
-        for (const auto& [joint, place] : entity.joints) {
-          const double distance = (place - person.position).head<2>().norm();
-          if (distance < nearest) nearest = distance, who = entity.person;
-        }
-      }
+      const auto [nearest, who] = nearest_to(person, truth);
       EXPECT_LT(nearest, 0.35) << "frame " << index;
       labels[who].insert(person.label);
       postures = std::max(postures, person.posture + 1);
