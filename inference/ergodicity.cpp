@@ -52,6 +52,16 @@ class Group {
       : network_(network), propagation_(propagation), budget_(budget) {}
   std::vector<std::uint32_t> constraints;
 
+  // After connected(): whether the budget was enough to see the variables, and those that are open.
+  bool has_variables() const { return !allowed_.empty(); }
+  std::vector<VariableId> open_variables() const {
+    std::vector<VariableId> open;
+    for (std::size_t i = 0; i < allowed_.size(); ++i) {
+      if (allowed_[i].size() > 1) open.push_back(variables_[i]);
+    }
+    return open;
+  }
+
   bool connected() {
     for (std::uint32_t c : constraints) {
       if (!collect_variables(network_, network_.constraints()[c].literal, variables_, budget_)) return false;
@@ -173,10 +183,12 @@ class Group {
 
 }  // namespace
 
-bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component, ErgodicityBudget& budget) {
+std::optional<std::vector<std::vector<VariableId>>> locked_groups(const GroundNetwork& network, ComponentId component,
+                                                                  ErgodicityBudget& budget) {
+  std::vector<std::vector<VariableId>> locked;
   const auto constraints = network.component_constraints(component);
   Propagation propagation(network, constraints);
-  if (!propagation.run()) return true;  // no world at all: others will say so
+  if (!propagation.run()) return locked;  // no world at all: others will say so
   // Groups: constraints that share an open variable.
   std::map<VariableId, std::uint32_t> group_of_variable;
   std::vector<std::uint32_t> parent(constraints.size());
@@ -188,7 +200,9 @@ bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId co
   std::vector<VariableId> variables;
   for (std::uint32_t i = 0; i < constraints.size(); ++i) {
     variables.clear();
-    if (!collect_variables(network, network.constraints()[constraints[i]].literal, variables, budget)) return false;
+    if (!collect_variables(network, network.constraints()[constraints[i]].literal, variables, budget)) {
+      return std::nullopt;
+    }
     for (VariableId v : variables) {
       std::uint32_t open = 0;
       for (std::uint32_t k = 0; k < network.value_count(v); ++k) open += propagation.allowed(v, k) ? 1u : 0u;
@@ -201,7 +215,17 @@ bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId co
   for (std::uint32_t i = 0; i < constraints.size(); ++i) {
     groups.try_emplace(root(i), network, propagation, budget).first->second.constraints.push_back(constraints[i]);
   }
-  return std::ranges::all_of(groups, [](auto& entry) { return entry.second.connected(); });
+  for (auto& [first, group] : groups) {
+    if (group.connected()) continue;
+    if (!group.has_variables()) return std::nullopt;
+    locked.push_back(group.open_variables());
+  }
+  return locked;
+}
+
+bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component, ErgodicityBudget& budget) {
+  const auto locked = locked_groups(network, component, budget);
+  return locked && locked->empty();
 }
 
 }  // namespace sherlog

@@ -10,6 +10,8 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "grounding/network.h"
 #include "mln/monitor.h"
@@ -22,6 +24,9 @@ struct ErgodicityBudget {
   const StopCondition* stop = nullptr;
 };
 
+// Open variables of each group that is taken as not connected. Nothing where the budget ended before the groups were known.
+std::optional<std::vector<std::vector<VariableId>>> locked_groups(const GroundNetwork& network, ComponentId component,
+                                                                  ErgodicityBudget& budget);
 bool single_moves_reach_every_world(const GroundNetwork& network, ComponentId component, ErgodicityBudget& budget);
 
 }  // namespace sherlog

@@ -22,6 +22,7 @@
 #include "inference/propagation.h"
 #include "inference/sample_sat.h"
 #include "inference/slice.h"
+#include "inference/unlocking.h"
 
 namespace sherlog {
 namespace {
@@ -42,9 +43,11 @@ struct Plan {
     BlockCover cover;
     std::unique_ptr<SliceStep> slice;
     std::unique_ptr<GroupMoves> groups;
+    Unlocking unlocking;
+    std::uint32_t unlock_every = 1;
     std::vector<std::uint32_t> demanded;  // nodes with a hard demand
     bool queried = false;
-    bool jump = false;  // hard formulas may lock single moves in
+    bool jump = false;  // hard formulas may lock single moves in, and no joint draw is known to lead out
     std::uint32_t slice_every = 1;
     double block_budget = 0.0;  // table entries a sweep
   };
@@ -82,6 +85,9 @@ void sort_unique(std::vector<ComponentId>& components) {
 // Table entries of joint draws for each use of an atom in a sweep: where at-most-one groups move as a whole, joint draws add little.
 constexpr double kBlockShare = 1.0;
 constexpr double kBlockShareOfGroups = 0.25;
+// Likewise for the joint draws that lead from one part of the worlds to another: few moves matter more, so they may cost
+// several sweeps, and come now and then however much they cost.
+constexpr double kUnlockShare = 4.0, kMostUnlockEvery = 16.0;
 // A slice step costs several sweeps: it comes every few of them, less often where groups move as a whole, but every time where only
 // its jumps lead everywhere.
 constexpr std::uint32_t kSliceEvery = 4;
@@ -106,6 +112,8 @@ void plan_moves(const Plan& plan, Kernel kernel, Plan::Component& part) {
     }
     part.block_budget += uses * (covered ? kBlockShareOfGroups : kBlockShare);
   }
+  const double affordable = std::max(part.block_budget * kUnlockShare, 1.0);
+  part.unlock_every = static_cast<std::uint32_t>(std::clamp(part.unlocking.cost / affordable, 1.0, kMostUnlockEvery));
 }
 
 void plan_component(const MethodContext& context, Kernel kernel, ComponentId c, ErgodicityBudget& budget, Plan& plan) {
@@ -124,8 +132,10 @@ void plan_component(const MethodContext& context, Kernel kernel, ComponentId c, 
   part.cover = cover_component(*plan.index, part.variables, plan.numbers, context.options.seed, context.stop);
   if (!part.cover.whole) {
     plan.independent = plan.independent && !part.queried;
-    part.jump = kernel == Kernel::kMcSat && !n.component_constraints(c).empty() &&
-                !single_moves_reach_every_world(n, c, budget);
+    if (kernel == Kernel::kMcSat && !n.component_constraints(c).empty()) {
+      part.unlocking = unlock(*plan.index, c, plan.numbers, budget, context.stop);
+      part.jump = !part.unlocking.is_complete;
+    }
     plan_moves(plan, kernel, part);
   }
   plan.variables.insert(plan.variables.end(), part.variables.begin(), part.variables.end());
@@ -265,6 +275,12 @@ class Chain {
       if (out_of_time(1)) return false;
     }
     component.groups->sweep(world_, rng_, groups_, &stop_);
+    if (sweeps_ % component.unlock_every == 0) {
+      for (const JointBlock& block : component.unlocking.blocks) {
+        block.draw(world_, rng_, blocks_);
+        if (out_of_time(block.variables().size())) return false;
+      }
+    }
     const std::vector<JointBlock>& blocks = component.cover.blocks;
     if (!blocks.empty()) part.credit += component.block_budget;
     // A block is drawn once its cost has been saved up.
@@ -498,7 +514,14 @@ MethodResult sample(const MethodContext& context, Kernel kernel) {
   } else if (std::ranges::any_of(records, [](const ChainRecord& r) { return r.hurried; })) {
     result.termination = Termination::kTimeLimit;
     result.message = "the burn-in was cut short to keep the limit";
-  } else if (failed > 0) {
+  }
+  if (std::ranges::any_of(plan->components, [](const Plan::Component& c) { return c.jump && c.queried; })) {
+    result.warnings.push_back(
+        "hard formulas tie variables too widely to be drawn as a whole: a search leads from one kind of world to "
+        "another, "
+        "and may find some kinds more often than their share, which no diagnostic shows; compare with 'exact'");
+  }
+  if (result.termination == Termination::kCompleted && failed > 0) {
     result.warnings.push_back(
         fmt::format("{} of {} chains found no first world that meets the hard formulas: {} of {} draws were kept",
                     failed, schedule.chains, result.samples, context.options.samples));
