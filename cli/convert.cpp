@@ -64,7 +64,10 @@ int convert_model(Session& session, const Conversion& conversion) {
 
 int run_convert(Options options, const Conversion& conversion) {
   Session session(std::move(options));
-  if (!session.check_options({conversion.output})) return kBadInput;
+  // With --json - the document has the text.
+  std::vector<std::string> outputs;
+  if (conversion.output != "-") outputs.push_back(conversion.output);
+  if (!session.check_options(outputs)) return kBadInput;
   return session.run("sherlog.convert/1", [&] { return convert_model(session, conversion); });
 }
 

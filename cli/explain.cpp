@@ -137,7 +137,7 @@ std::optional<Literal> target_of(Session& session, const GroundNetwork& network,
   return network.queries().front().literal;
 }
 
-int explain_atom(Session& session, const std::string& atom, std::size_t limit) {
+int explain_atom(Session& session, const std::string& asked, std::size_t limit) {
   const auto model = session.read_model();
   if (!model) return kBadInput;
   const auto databases = session.read_evidence(*model);
@@ -162,7 +162,7 @@ int explain_atom(Session& session, const std::string& atom, std::size_t limit) {
   explanation.method = session.options().method;
   std::vector<ConflictItem> conflict;
   const GroundNetwork* network = nullptr;
-  std::string text;
+  std::string atom = asked, text;
   int code = kDone;
   try {
     grounded = ground(*model, evidence, query, *grounding, session.monitor());
@@ -171,8 +171,9 @@ int explain_atom(Session& session, const std::string& atom, std::size_t limit) {
       explanation.message = grounded.message;
       if (grounded.conflict) conflict = conflict_items(*grounded.conflict);
     } else if (const auto target = target_of(session, *grounded.network, atom, code)) {
-      explanation = explain(*grounded.network, *target, session.inference_options(), session.monitor());
       network = &*grounded.network;
+      if (target->is_atom()) atom = network->literal_text(*target);  // a pattern may stand for one atom
+      explanation = explain(*network, *target, session.inference_options(), session.monitor());
     } else {
       if (code != kDone) return code;
       explanation.method.clear();  // nobody asked one

@@ -199,7 +199,8 @@ class Grounder {
       count *= atoms_.domain_size(predicate.domains[i]);
     }
     if (count > kMostAtoms || count * kBytesPerFeature > static_cast<double>(options_.max_memory)) {
-      return halt(Termination::kMemoryLimit, fmt::format("the query '{}' asks for {:.3g} atoms", item.text, count));
+      return halt(Termination::kMemoryLimit,
+                  fmt::format("the query '{}' asks for {:.3g} atoms, more than the memory holds", item.text, count));
     }
     std::vector<ConstantIndex> arguments(item.pattern.size());
     std::vector<std::int64_t> values(item.pattern_variables, -1);

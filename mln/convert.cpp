@@ -285,7 +285,8 @@ class DialectWriter {
       if (term.kind == Term::Kind::kVariable) scope.marked = true;
       if (term.kind != Term::Kind::kIdentifier) continue;
       if (is_quantifier(formula.kind)) scope.quantified.insert(term.name);
-      const bool variable = is_atom(formula.kind) && !is_upper(term.name[0]) && !is_member(formula.name, i, term.name);
+      const bool variable =
+          is_atom(formula.kind) && !is_capitalised(term.name) && !is_member(formula.name, i, term.name);
       if (variable || term.plus) scope.variables.insert(term.name);
     }
     for (const Formula& child : formula.children) collect(child, scope);
@@ -296,7 +297,7 @@ class DialectWriter {
     if (term.kind == Term::Kind::kVariable) return true;
     if (term.kind != Term::Kind::kIdentifier) return false;
     if (term.plus || is_quantifier(formula.kind) || scope.quantified.contains(term.name)) return true;
-    if (scope.marked || is_upper(term.name[0])) return false;
+    if (scope.marked || is_capitalised(term.name)) return false;
     if (is_atom(formula.kind)) return !is_member(formula.name, i, term.name);
     if (scope.variables.contains(term.name)) return true;
     return std::none_of(members_.begin(), members_.end(),

@@ -367,4 +367,17 @@ std::string describe(const Token& token) {
   return fmt::format("'{}{}{}'", mark, token.text.substr(0, end), end < token.text.size() ? "..." : "");
 }
 
+bool is_capitalised(std::string_view name) {
+  std::size_t i = 0;
+  while (i < name.size() && name[i] == '_') ++i;
+  if (i == name.size()) return false;
+  const auto byte = static_cast<unsigned char>(name[i]);
+  if (byte < 0x80) return (byte >= 'A' && byte <= 'Z') || (byte >= '0' && byte <= '9');
+  if (i + 1 == name.size() || byte < 0xC0 || byte >= 0xE0) return false;
+  // The upper-case letters of Latin-1, Greek and Cyrillic; other scripts have no case that matters here.
+  const unsigned code = ((byte & 0x1Fu) << 6u) | (static_cast<unsigned char>(name[i + 1]) & 0x3Fu);
+  return (code >= 0xC0 && code <= 0xDE && code != 0xD7) || (code >= 0x100 && code < 0x138 && code % 2 == 0) ||
+         (code >= 0x386 && code <= 0x3AB && code != 0x390) || (code >= 0x400 && code <= 0x42F);
+}
+
 }  // namespace sherlog

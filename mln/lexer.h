@@ -136,6 +136,9 @@ std::string in_quotes(std::string_view text);
 // A term as it has to be written: plain where it is a name or number, else in quotes.
 std::string quoted_if_needed(std::string_view text);
 
+// Whether a plain name that no domain lists is a constant: its first letter is upper case, or it begins with a digit.
+bool is_capitalised(std::string_view name);
+
 // What a message calls the token: "'=>'", "end of line", "a string that is not closed", ...; long ones are cut.
 std::string describe(const Token& token);
 

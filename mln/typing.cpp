@@ -12,6 +12,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "mln/lexer.h"
+
 namespace sherlog {
 
 namespace {
@@ -444,19 +446,6 @@ class Typer {
 std::optional<TypedFormula> type_formula(const syntax::Formula& formula, Vocabulary& vocabulary,
                                          Diagnostics& diagnostics) {
   return Typer(vocabulary, diagnostics).run(formula);
-}
-
-bool is_capitalised(std::string_view name) {
-  std::size_t i = 0;
-  while (i < name.size() && name[i] == '_') ++i;
-  if (i == name.size()) return false;
-  const auto byte = static_cast<unsigned char>(name[i]);
-  if (byte < 0x80) return (byte >= 'A' && byte <= 'Z') || (byte >= '0' && byte <= '9');
-  if (i + 1 == name.size() || byte < 0xC0 || byte >= 0xE0) return false;
-  // The upper-case letters of Latin-1, Greek and Cyrillic; other scripts have no case that matters here.
-  const unsigned code = ((byte & 0x1Fu) << 6u) | (static_cast<unsigned char>(name[i + 1]) & 0x3Fu);
-  return (code >= 0xC0 && code <= 0xDE && code != 0xD7) || (code >= 0x100 && code < 0x138 && code % 2 == 0) ||
-         (code >= 0x386 && code <= 0x3AB && code != 0x390) || (code >= 0x400 && code <= 0x42F);
 }
 
 std::optional<double> numeric_value(std::string_view constant) {

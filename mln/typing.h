@@ -45,8 +45,6 @@ struct TypedFormula {
 std::optional<TypedFormula> type_formula(const syntax::Formula& formula, Vocabulary& vocabulary,
                                          Diagnostics& diagnostics);
 
-// Whether a plain name that no domain lists is a constant: its first letter is upper case, or it begins with a digit.
-bool is_capitalised(std::string_view name);
 // The number that a constant is, if it is one as a whole.
 std::optional<double> numeric_value(std::string_view constant);
 // "; did you mean 'x'?" or nothing.

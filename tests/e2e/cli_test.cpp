@@ -445,6 +445,9 @@ TEST_F(Cli, ConvertReadsWithTheOtherSystemsPrecedence) {
   for (const char* dialect : {"alchemy", "pracmln", "tuffy", "sherlog"}) {
     EXPECT_EQ(run(std::string("convert -m m.mln -o out.mln --to ") + dialect).code, 0) << dialect;
     EXPECT_THAT(scratch.read("out.mln"), HasSubstr("Smokes")) << dialect;
+    const Outcome document = run(std::string("convert -m m.mln --json - --to ") + dialect);
+    EXPECT_EQ(document.code, 0) << document.err;
+    EXPECT_EQ(Json::parse(document.out)["text"], scratch.read("out.mln")) << dialect;
   }
 }
 

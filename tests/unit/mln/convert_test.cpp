@@ -1,5 +1,6 @@
 #include "mln/convert.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
@@ -46,6 +47,13 @@ TEST(Convert, TellsVariablesFromConstantsByOurRules) {
             "e = {\"move\", Stay}\nis(o, e!)\n1 is(X1, \"move\") ^ is(x, e)\n1 is(x, \"move\") ^ is(\"k\", Stay)\n");
   EXPECT_EQ(converted(model, Dialect::kPracmln).text,
             "e = {move, Stay}\nis(o, e!)\n1 is(X1, move) ^ is(?x, ?e)\n1 is(?X, move) ^ is(k, Stay)\n");
+}
+
+TEST(Convert, KnowsConstantsInCapitalsThatAreNotAscii) {
+  for (const Dialect dialect : {Dialect::kAlchemy, Dialect::kPracmln, Dialect::kTuffy}) {
+    EXPECT_THAT(formula("1 S(Ümlaut) v S(Ñu)", dialect), testing::HasSubstr("S(\"Ümlaut\") v S(\"Ñu\")"));
+    EXPECT_THAT(formula("1 S(ümlaut)", dialect), testing::Not(testing::HasSubstr("\"")));
+  }
 }
 
 TEST(Convert, KeepsTwoVariablesOfOneSpellingApart) {
