@@ -172,6 +172,24 @@ class Finder {
     });
   }
 
+  // Behind the plane of a wall, say: an arm that comes from there.
+  bool goes_on_elsewhere(const Pixels& piece) const {
+    constexpr int kReach = 3, kFew = 5;  // pixels
+    const cv::Rect image({0, 0}, points_.size());
+    int count = 0;
+    for (const cv::Point& p : piece) {
+      const double most = options_.gap + 2 * error_at(p);
+      bool goes_on = false;
+      for (const cv::Point& step : {cv::Point(-kReach, 0), {kReach, 0}, {0, -kReach}, {0, kReach}}) {
+        const cv::Point other = p + step;
+        goes_on = goes_on || (other.inside(image) && elsewhere_(other) != 0 && points_(other)[2] > -5 &&
+                              cv::norm(points_(other) - points_(p)) < most);
+      }
+      count += goes_on ? 1 : 0;
+    }
+    return count > kFew;
+  }
+
   void judge(const Pixels& piece) {
     if (area_of(piece) < options_.least_area || piece.size() < 20) return;
     const auto share_of = [&](auto is_so) {
@@ -182,7 +200,8 @@ class Finder {
     if (inside < 0.1) return;  // something beside the table
     const Standing::Foot foot = standing_.foot_of(piece);
     const bool is_beyond = outside > (is_cut_off(piece) ? 0.01 : options_.beyond);
-    const bool overhangs = is_beyond && !is_cut_off(piece) && standing_.hangs_over(piece, foot);
+    const bool overhangs =
+        is_beyond && !is_cut_off(piece) && !goes_on_elsewhere(piece) && standing_.hangs_over(piece, foot);
     if ((is_beyond && !overhangs) || standing_.hovers(foot)) {
       ++result_.reaching;
       for (const cv::Point& p : piece) result_.reaching_mask(p) = 255;

@@ -38,6 +38,7 @@ Standing::Foot Standing::foot_of(const std::vector<cv::Point>& pixels) const {
     mean += Vector2d(points_(p)[0], points_(p)[1]) / static_cast<double>(pixels.size());
   }
   foot.lowest = quantile(heights, 0.02);
+  foot.highest = quantile(heights, 0.98);
   const Vector2d line = mean - eye_.head<2>();
   foot.away = line.norm() > 1e-6 ? Vector2d(line.normalized()) : Vector2d(1, 0);
   const Vector2d across(-foot.away.y(), foot.away.x());
@@ -60,18 +61,27 @@ bool Standing::hovers(const Foot& foot) const {
   if (foot.lowest < options_.hover) return false;
   const Vector3d at(foot.middle.x(), foot.middle.y(), foot.lowest / 2);
   const Vector3d down = (at - eye_).normalized();
-  const double error = depth_error((table_.pose * at).z());
-  // In front of an upright face there is nothing of the thing: its own points are off by so much. And of a ball one sees
-  // the near half, and of its far half the less the lower one looks: it touches the table behind the middle of that.
+  const double level = down.head<2>().norm();  // 1: one looks along the table
+  // In front of an upright face there is nothing of the thing: its own points are off by so much.
+  const double inwards = (0.015 + options_.errors * depth_error((table_.pose * at).z())) * level;
+  // Of a ball one sees the near half, and of its far half the less the lower one looks: it touches the table behind the
+  // middle of that.
   const double share = 1 / (1 + std::max(0.0, -down.z() - 0.3));
-  const double inwards =
-      std::max((0.015 + options_.errors * error) * down.head<2>().norm(), (share - 0.5) * foot.depth);
-  const Vector2d across(-foot.away.y(), foot.away.x());
+  if (is_open(foot, std::max(inwards, (share - 0.5) * foot.depth))) return true;
+  // Where an arm leads away the middle of all that is seen is no middle. But a ball's lowest part would be lower.
+  constexpr double kSlack = 0.22;
+  const double lowest_of_ball = (1 - level) / 2 + kSlack;  // of its height
+  return foot.lowest > lowest_of_ball * foot.highest && is_open(foot, inwards - foot.depth / 2);
+}
+
+// Whether one looks through below it, so far behind its middle.
+bool Standing::is_open(const Foot& foot, double along) const {
   constexpr double kStep = 0.008;  // metres
+  const Vector2d across(-foot.away.y(), foot.away.x());
   std::size_t open = 0, closed = 0;
   for (int i = -1; i <= 1; ++i) {
     for (int j = -1; j <= 1; ++j) {
-      const Vector2d column = foot.middle + foot.away * (inwards + i * kStep) + across * (j * kStep);
+      const Vector2d column = foot.middle + foot.away * (along + i * kStep) + across * (j * kStep);
       const View view = view_through(column, foot.lowest - 0.01);
       if (view == View::kOpen) ++open;
       if (view == View::kClosed) ++closed;

@@ -22,7 +22,7 @@ class Standing {
   struct Foot {
     Eigen::Vector2d middle, away;  // of what is seen; away: from the camera, of length one
     double depth = 0;              // of what is seen, from near to far
-    double lowest = 0;
+    double lowest = 0, highest = 0;
   };
   // Requires pixels that are measured.
   Foot foot_of(const std::vector<cv::Point>& pixels) const;
@@ -32,6 +32,7 @@ class Standing {
 
  private:
   enum class View { kOpen, kClosed, kUnknown };
+  bool is_open(const Foot& foot, double along) const;
   View view_through(const Eigen::Vector2d& column, double height) const;
   double range(const cv::Vec3f& at) const { return depth_row_.dot(Eigen::Vector4d(at[0], at[1], at[2], 1)); }
 
