@@ -264,7 +264,7 @@ int run_mapping(Options options, const std::string& name) {
   }
   const auto mapping = read_mapping(session, name);
   if (!mapping) return kBadInput;
-  const std::string text = json_text(mapping_to_json(*mapping), 2) + "\n";
+  std::string text = json_text(mapping_to_json(*mapping), 2) + "\n";
   return session.finish(kDone, text, [&] { return text; });
 }
 
@@ -327,7 +327,7 @@ int learn_from_store(Session& session, const Observing& observing) {
     json["types"].push_back({{"type", rule.type}, {"pairs", learned.pair_counts[i]}, {"sigma", rule.sigma}});
   }
   mapping->similarity = learned.config;
-  const std::string text = json_text(mapping_to_json(*mapping), 2) + "\n";
+  std::string text = json_text(mapping_to_json(*mapping), 2) + "\n";
   if (observing.output == "-") return session.finish(kDone, text, [&] { return to_text(json); });
   if (!session.write(observing.output, text)) return kInternalError;
   return session.finish(kDone,

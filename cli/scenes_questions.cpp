@@ -231,7 +231,7 @@ int run_on(Options options, const Asking& asking) {
   } else if (asks_now) {
     text = looks_text(looks, offset) + "\n";
   }
-  if (!looks.empty() && !(asking.thing.size() > 0 && found.empty()))
+  if (!looks.empty() && (asking.thing.empty() || !found.empty()))
     text += (text.empty() ? "" : "\n") + found_table(found, offset).text();
   return session.finish(kDone, text, [&] {
     Json json{{"schema", "sherlog.scenes.on/1"}, {"place", asking.place}};

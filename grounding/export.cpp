@@ -359,8 +359,8 @@ FactorGraph factor_graph(const GroundNetwork& network) {
   }
   std::vector<std::size_t> seen(network.gate_count(), 0);  // the last factor that walked through the gate
   std::size_t factor_count = 0;
-  const auto connect = [&](Literal literal, NodeLabel label) {
-    const auto factor = add_vertex(std::move(label), graph);
+  const auto connect = [&](Literal literal, const NodeLabel& label) {
+    const auto factor = add_vertex(label, graph);
     ++factor_count;
     std::vector<std::uint32_t> mentioned;
     std::vector<Literal> open{literal};

@@ -34,7 +34,7 @@ class TupleTable {
 
   // The number of the tuple; a new one gets size() as it was.
   std::uint32_t insert(std::span<const ConstantIndex> key) {
-    if ((count_ + 1) * 2 > slots_.size()) grow();
+    if ((std::size_t{count_} + 1) * 2 > slots_.size()) grow();
     const std::size_t mask = slots_.size() - 1;
     std::size_t slot = hash(key) & mask;
     for (; slots_[slot] != 0; slot = (slot + 1) & mask) {

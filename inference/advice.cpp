@@ -140,6 +140,7 @@ class Advisor {
       const std::vector<PredicateId>& predicates = annotators_[a].predicates;
       const std::vector<DomainId> domains = key_domains(predicates.front());
       std::vector<std::size_t> sizes;
+      sizes.reserve(domains.size());
       for (const DomainId domain : domains) sizes.push_back(evidence_.domain_size(model_, domain));
       if (std::find(sizes.begin(), sizes.end(), 0u) != sizes.end()) continue;
       std::set<std::vector<ConstantIndex>> answered;
@@ -165,6 +166,7 @@ class Advisor {
     for (std::size_t atom = 0; atom < atoms.size(); ++atom) {
       if (atoms.kinds[atom] == EvidenceKind::kUnknown) continue;
       std::vector<ConstantIndex> key;
+      key.reserve(keys.size());
       for (const std::size_t i : keys) key.push_back(atoms.arguments[atom * arity + i]);
       answered.insert(std::move(key));
     }

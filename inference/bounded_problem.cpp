@@ -92,6 +92,7 @@ class ProblemBuilder {
   void add_averages(std::size_t t, const std::vector<double>& plain, std::vector<std::vector<double>>& scores) const {
     const auto& scope = scopes_[t];
     std::vector<std::vector<double>> average;
+    average.reserve(scope.size());
     for (const std::uint32_t v : scope) average.emplace_back(cardinalities_[v], 0.0);
     each_entry(t, [&](std::size_t i, const std::vector<std::uint32_t>& values) {
       for (std::size_t d = 0; d < scope.size(); ++d) {

@@ -153,6 +153,7 @@ std::optional<double> effective_sample_size(std::vector<Series>& halves, std::ui
 // The variance of the mean, from the batches' own effective sample size: what the draws would need to be worth to give it.
 double batched_sample_size(const std::vector<Half>& halves, std::uint32_t draws, double var_plus) {
   std::vector<Batches> batches;
+  batches.reserve(halves.size());
   for (const Half& half : halves) batches.emplace_back(half, draws);
   const double n = batches.front().size(), m = static_cast<double>(batches.size());
   double mean = 0.0, within = 0.0, between = 0.0;

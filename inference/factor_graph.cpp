@@ -324,7 +324,7 @@ class Compiler {
     if (gate.support.size() == 1) return FactorGraphBuilder::simplified({gate.support[0], truths});
     std::uint32_t key = 0;
     for (const std::uint32_t v : gate.support) key = std::max(key, builder_.key(v));
-    const ValueTest aux = builder_.auxiliary(key);
+    ValueTest aux = builder_.auxiliary(key);
     std::vector<std::uint32_t> scope = gate.support;
     scope.push_back(aux.variable);
     std::vector<double> table;

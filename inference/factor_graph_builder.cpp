@@ -78,7 +78,7 @@ ValueTest FactorGraphBuilder::indicator(const ValueTest& test) {
   if (test.is_constant() || test.accepted.size() == 2) return test;
   auto [it, fresh] = made_.emplace(signature(test, ValueTest::constant(true), Operation::kIndicator), ValueTest{});
   if (!fresh) return it->second;
-  const ValueTest aux = auxiliary(key_[test.variable]);
+  ValueTest aux = auxiliary(key_[test.variable]);
   it->second = aux;
   std::vector<double> table;
   for (const std::uint8_t accepted : test.accepted) {
@@ -109,7 +109,7 @@ ValueTest FactorGraphBuilder::combined(ValueTest a, ValueTest b, Operation opera
   }
   auto [it, fresh] = made_.emplace(signature(a, b, operation), ValueTest{});
   if (!fresh) return it->second;
-  const ValueTest aux = auxiliary(std::max(key_[a.variable], key_[b.variable]));
+  ValueTest aux = auxiliary(std::max(key_[a.variable], key_[b.variable]));
   it->second = aux;
   std::vector<double> table;
   for (const std::uint8_t x : a.accepted) {

@@ -288,7 +288,7 @@ class JointBlockBuilder {
 
   bool weigh_node(std::uint32_t node) {
     const double weight = index_.weight(node);
-    const int demand = index_.demand(node);
+    const std::int8_t demand = index_.demand(node);
     if (weight == 0.0 && demand == 0) return true;
     const Literal literal =
         node < index_.atom_count() ? Literal::atom(AtomId(node)) : Literal::gate(GateId(node - index_.atom_count()));

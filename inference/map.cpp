@@ -105,7 +105,7 @@ class MapSearch {
     MapReduction parts(network);
     for (std::size_t i = 0; i < others.size(); ++i) {
       if (!parts.reduce({&others[i], 1})) return Outcome::impossible();
-      const Outcome part = solve(parts.rest(), pairwise);
+      Outcome part = solve(parts.rest(), pairwise);
       if (!part.possible) return part;
       out.found = out.found && part.found;
       out.gap += part.gap;
@@ -180,7 +180,7 @@ class MapSearch {
     MapReduction reduction(network);
     const std::vector<ComponentId> all = all_components(network);
     if (!reduction.reduce(all, cut.values)) return Outcome::impossible();
-    const Outcome rest = solve(reduction.rest(), false);
+    Outcome rest = solve(reduction.rest(), false);
     if (!rest.possible) return rest;
     Outcome out;
     out.found = rest.found;

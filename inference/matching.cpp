@@ -176,7 +176,8 @@ ComponentAnswer answer(const MethodContext& context, const MatchingStructure& st
         sample_matchings(weighted.log_weights, structure.rows, structure.columns, context.options, context.stop);
     out.samples = sampled.samples;
     if (sampled.paired.empty()) return stopped(context.stop.reason(), "no sweep was finished");
-    if (context.stop.reached() && sampled.samples + context.options.chains * 25 < context.options.samples) {
+    if (context.stop.reached() &&
+        sampled.samples + std::uint64_t{25} * context.options.chains < context.options.samples) {
       out.termination = context.stop.reason();
       out.message = "fewer draws than asked for";
     }

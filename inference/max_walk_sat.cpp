@@ -194,7 +194,7 @@ class MoveFinder {
  public:
   MoveFinder(const WorldIndex& index, const SearchState& state, Rng& rng)
       : index_(index), network_(index.network()), state_(state), rng_(rng) {
-    moves_.reserve(4 * kMaxMoves);
+    moves_.reserve(std::size_t{4} * kMaxMoves);
   }
 
   std::span<const Move> find(std::uint32_t node) {

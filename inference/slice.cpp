@@ -110,7 +110,7 @@ void SliceStep::group(const World& world, Scratch& scratch) const {
     const GateId id(gate);
     if (network.gate_kind(id) == GateKind::kOr && world.demand(index_->gate_node(gate)) > 0) {
       const auto settled = [&](Literal input) {
-        const int demand = world.demand(index_->node(input));
+        const std::int8_t demand = world.demand(index_->node(input));
         return demand != 0 && (demand > 0) != input.negated();
       };
       if (std::ranges::any_of(network.gate_inputs(id), settled)) continue;

@@ -61,6 +61,7 @@ class SoftTargets {
 
   bool fit_component(ComponentId component, const std::vector<std::size_t>& chosen) {
     std::vector<SoftTarget> targets;
+    targets.reserve(chosen.size());
     for (std::size_t t : chosen) targets.push_back(network_.soft_targets()[t]);
     const auto method = runner_of(component);
     InferenceOptions fitting = options_;

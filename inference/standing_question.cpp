@@ -17,7 +17,7 @@ std::string first_error(const Diagnostics& diagnostics) {
 
 }  // namespace
 
-StandingQuestion::StandingQuestion(Model model, std::vector<std::string> queries, std::vector<std::string> open,
+StandingQuestion::StandingQuestion(Model model, std::vector<std::string> queries, const std::vector<std::string>& open,
                                    InferenceOptions options)
     : model_(std::move(model)), queries_(std::move(queries)), options_(std::move(options)) {
   for (const std::string& name : open) {

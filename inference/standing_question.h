@@ -48,7 +48,7 @@ class StandingQuestion {
   };
 
   // `queries`: predicates, in whose atoms the answers are. `open`: further predicates that are open.
-  StandingQuestion(Model model, std::vector<std::string> queries, std::vector<std::string> open,
+  StandingQuestion(Model model, std::vector<std::string> queries, const std::vector<std::string>& open,
                    InferenceOptions options);
 
   const Model& model() const { return model_; }

@@ -114,7 +114,7 @@ void World::assign(std::span<const std::uint32_t> values) {
 }
 
 void World::update_broken(std::uint32_t node) {
-  const int demand = demand_[node];
+  const std::int8_t demand = demand_[node];
   const bool is_broken =
       demand != 0 && (demand == WorldIndex::kImpossibleDemand || (truth_[node] != 0) != (demand > 0));
   const std::uint32_t position = broken_position_[node];

@@ -80,7 +80,7 @@ std::vector<std::string> target_labels(const Model& model, PredicateId target) {
     std::vector<std::string> longer;
     for (const std::string& label : labels) {
       for (const std::string& constant : model.domain(predicate.domains[i]).constants) {
-        longer.push_back(label.empty() ? constant : label + "," + constant);
+        longer.push_back(label.empty() ? constant : fmt::format("{},{}", label, constant));
       }
     }
     labels = std::move(longer);

@@ -110,6 +110,7 @@ class PreparedSampled : public PreparedData {
       return true;
     };
     std::vector<double> x;
+    x.reserve(free.size());
     for (const std::uint32_t w : free) x.push_back(start.weights[w]);
     NoisyAscentOutcome outcome = noisy_ascent(
         std::move(x), evaluate, {std::min(options.max_iterations, kMostIterations), options.gradient_tolerance});

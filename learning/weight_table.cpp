@@ -61,6 +61,7 @@ WeightTable::WeightTable(const Model& model, double limit) {
 void WeightTable::list(const Formula& formula, const std::vector<std::uint32_t>& plus, const Model& model,
                        Instances& instances) {
   std::vector<std::size_t> sizes;
+  sizes.reserve(plus.size());
   for (const std::uint32_t v : plus) sizes.push_back(model.domain(formula.variables[v].domain).constants.size());
   if (std::ranges::find(sizes, 0u) != sizes.end()) return;
   std::vector<ConstantIndex> key(plus.size(), 0);

@@ -296,6 +296,7 @@ std::string formula_key(const Formula& formula) {
   for (const std::size_t name : plus) writer.number(name);
   for (const std::vector<std::uint32_t>& group : formula.unique) {
     std::vector<std::size_t> names;
+    names.reserve(group.size());
     for (const std::uint32_t variable : group) names.push_back(writer.name_of(variable));
     std::sort(names.begin(), names.end());
     writer.number(names.size());

@@ -151,6 +151,7 @@ constexpr std::array<std::pair<std::string_view, EvidenceMapping (*)()>, 5> kMap
 
 std::vector<std::string> shipped_mapping_names() {
   std::vector<std::string> names;
+  names.reserve(kMappings.size());
   for (const auto& [name, make] : kMappings) names.emplace_back(name);
   return names;
 }

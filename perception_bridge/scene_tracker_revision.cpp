@@ -179,6 +179,7 @@ void SceneTracker::rename_since(std::size_t position, const std::vector<Change>&
 void SceneTracker::revise(std::size_t position, std::vector<Change> changes, const Scene& scene, TrackingStep& step) {
   OpenQuestion& question = questions_[position];
   std::vector<Tail> tails;
+  tails.reserve(changes.size());
   for (const Change& change : changes) tails.push_back(cut_tail(question, change.was, scene, step));
   for (std::size_t i = 0; i < changes.size(); ++i) {
     hand_over(question, changes[i], std::move(tails[i]), scene, step);

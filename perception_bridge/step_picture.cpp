@@ -180,7 +180,8 @@ std::vector<StepPicture::Grades> grades_of(const SceneObservation& observation, 
   for (std::size_t n = 0; n < news; ++n) new_position[fmt::format("{}{}", mapping.new_clusters.prefix, n)] = n;
   std::vector<StepPicture::Grades> grades;
   for (const PairRule& rule : mapping.pairs) {
-    StepPicture::Grades& matrix = grades.emplace_back(rule.predicate, std::vector<double>(olds * news, rule.missing));
+    StepPicture::Grades& matrix =
+        grades.emplace_back(StepPicture::Grades{rule.predicate, std::vector<double>(olds * news, rule.missing)});
     for (const ObservedAtom& atom : observation.atoms) {
       if (atom.predicate != rule.predicate || atom.arguments.size() != 2) continue;
       const auto o = old_position.find(atom.arguments[0]);

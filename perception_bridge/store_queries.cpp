@@ -242,6 +242,7 @@ std::vector<TypeCount> SceneStore::type_counts() {
     count.of_clusters += static_cast<std::uint64_t>(query.whole(2));
   }
   std::vector<TypeCount> result;
+  result.reserve(counts.size());
   for (auto& [name, count] : counts) result.push_back(std::move(count));
   return result;
 }

@@ -113,7 +113,7 @@ std::string prepare_for_writing(SqlDatabase& database) {
   if (is_current(database) || !database.execute("BEGIN IMMEDIATE")) return database.problem();
   bring_up_to_date(database);
   database.execute("COMMIT");
-  const std::string problem = database.problem();
+  std::string problem = database.problem();
   database.clear_problem();
   if (database.in_transaction()) database.execute("ROLLBACK");
   return problem;

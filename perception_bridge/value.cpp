@@ -169,7 +169,7 @@ class Writer {
   void break_line(int level, std::string& out) const {
     if (indent_ < 0) return;
     out += '\n';
-    out.append(static_cast<std::size_t>(indent_ * level), ' ');
+    out.append(static_cast<std::size_t>(indent_) * static_cast<std::size_t>(level), ' ');
   }
   // Lists of plain values stay on one line.
   void write_list(const Value::List& list, int level, std::string& out) const {
